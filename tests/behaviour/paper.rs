@@ -75,6 +75,27 @@ fn algorithm_1_reads_the_field_that_a_garment_comes_with() {
     assert_eq!(found.outfit, resolve(&outfit, &contacts, &mut Silent).unwrap().outfit);
 }
 
+/// The gap of air is at least the clearance, also where that is more than air keeps by default; and a
+/// field round a wide garment has larger cells instead of more memory than baking may use.
+#[test]
+fn algorithm_1_takes_any_clearance_and_any_size() {
+    let mut params = paper();
+    params.goal.clearance = 6e-3;
+    let found = resolve(&outfit(), &params, &mut Silent).unwrap();
+    assert!(verify(&found.outfit).unwrap().is_clean());
+
+    let mut outfit = outfit();
+    // From within the belt down to a radius of 0.8 m.
+    let flared = |p: &Point| {
+        let wider = 1.0 + 7.0 * (1.0 - p.y);
+        Point::new(wider * p.x, p.y - 1.0, wider * p.z)
+    };
+    outfit.garments[1] = Layer::new("gown", moved(&tube(0.1, 1.0, 24, 8, false), flared));
+    let found = resolve(&outfit, &paper(), &mut Silent).unwrap();
+    assert!(found.report.layers[1].algorithm1.is_some());
+    assert!(verify(&found.outfit).unwrap().is_clean());
+}
+
 #[test]
 fn algorithm_1_can_be_cancelled() {
     let mut steps = 0;

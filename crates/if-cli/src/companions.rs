@@ -7,6 +7,7 @@ use crate::receipt;
 use crate::staging::Staging;
 use if_mesh::file::{Content, MeshFile};
 use if_mesh::obj::textures;
+use if_mesh::regular_file;
 use if_outfit::digest::{FileDigest, digest};
 use miette::Diagnostic;
 use std::collections::BTreeMap;
@@ -126,7 +127,7 @@ impl Companions {
 }
 
 fn read(path: &Path, of: &str) -> Result<Vec<u8>, CompanionError> {
-    fs::read(path).map_err(|source| CompanionError::Read {
+    regular_file::read(path).map_err(|source| CompanionError::Read {
         path: path.into(),
         of: of.into(),
         source,

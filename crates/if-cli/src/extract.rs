@@ -23,6 +23,7 @@ use if_mesh::file::MeshFile;
 use if_mesh::index::Bvh;
 use if_mesh::measure::{SurfaceDistance, smallest_angles, surface_distance};
 use if_mesh::ply::{CoordinateType, PlyMesh, WriteError, WriteParams, quantise, write_path};
+use if_mesh::regular_file;
 use if_mesh::sdf::{MeshSdf, SdfError};
 use if_mesh::validate::faults;
 use if_neural::field::NeuralField;
@@ -264,7 +265,7 @@ impl Source {
             if args.scale.is_some() {
                 return Err(ExtractFault::Units { path: path() });
             }
-            let file = File::open(&args.field).map_err(|e| read(&e))?;
+            let file = regular_file::open(&args.field).map_err(|e| read(&e))?;
             let (network, frame) = read_network(file).map_err(|e| read(&e))?;
             return Ok(Self::Network(Box::new(
                 NeuralField::new(network, frame).map_err(|e| read(&e))?,

@@ -14,6 +14,7 @@ use comfy_table::Cell;
 use if_core::mesh::{MeshError, TriMesh};
 use if_core::monitor::Progress;
 use if_mesh::file::MeshFile;
+use if_mesh::regular_file;
 use if_neural::FitError;
 use if_neural::files::{WeightNorm, read_checkpoint, write_checkpoint, write_network};
 use if_neural::fit::{Ended, Fit, FitParams, FitReport};
@@ -22,7 +23,6 @@ use if_neural::sampling::{SamplingParams, TrainingSet};
 use if_pipeline::fitting::{MeshTarget, MeshTargetError, Take};
 use miette::{Diagnostic, Report};
 use serde_json::json;
-use std::fs::File;
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
@@ -203,7 +203,7 @@ fn targets(args: &FitArgs) -> Result<(Target, Option<Target>), Report> {
     }
     let checkpoint = Target::open(path, "safetensors", &[], &inputs(Some(true)))?;
     // A network is not lost for a slip of the pen.
-    if let Ok(file) = File::open(path)
+    if let Ok(file) = regular_file::open(path)
         && let Err(e) = read_checkpoint(file)
     {
         return Err(
@@ -257,7 +257,7 @@ fn resumed(args: &FitArgs, path: &Path, taken: &MeshTarget) -> Result<Begun, Fit
         path: path.into(),
         source: ErrorChain::new(e),
     };
-    let file = File::open(path).map_err(|e| read(&e))?;
+    let file = regular_file::open(path).map_err(|e| read(&e))?;
     let (fit, network, frame) = read_checkpoint(file).map_err(|e| read(&e))?;
     let set = taken.target().training_set(&sampling(fit.params().seed));
     let set =
@@ -548,7 +548,8 @@ mod tests {
         let report = report.unwrap();
         assert_eq!((report.ended, report.steps, lost), (Ended::Steps, 10, false));
         assert!(stored.parameters() == whole.parameters());
-        let (mut fit, mut later, frame) = read_checkpoint(File::open(&path).unwrap()).unwrap();
+        let (mut fit, mut later, frame) =
+            read_checkpoint(std::fs::File::open(&path).unwrap()).unwrap();
         assert_eq!((fit.steps(), frame), (8, set.frame));
         run_storing(&mut fit, &mut later, &set, &line, None, 0.0).unwrap();
         assert!(later.parameters() == whole.parameters());

@@ -60,7 +60,7 @@ pub(crate) fn run(
     let companions = Companions::find(spec, files.files(), (out, &taken))?;
     let named = buffers.inputs.iter().cloned().chain(companions.inputs());
     let request = Request::new(spec, files.files(), named);
-    if let Some(state) = request.finished(out, &names).filter(|_| options.resume) {
+    if let Some(state) = options.resume.then(|| request.finished(out, &names)).flatten() {
         return Ok(Outcome::Finished(state));
     }
     drop(reading);

@@ -1,8 +1,21 @@
-//! Reading whole files that are files: a pipe might never end, and neither might a device.
+//! Reading files that are files, a pipe might never end and neither might a device, and that lie where
+//! they should.
 
-use std::fs;
-use std::io;
-use std::path::Path;
+use std::fs::{self, File};
+use std::io::{self, Read};
+use std::path::{Component, Path, PathBuf};
+
+/// Opens a file.
+///
+/// # Errors
+///
+/// As [`read`].
+pub fn open(path: &Path) -> io::Result<File> {
+    if !fs::metadata(path)?.is_file() {
+        return Err(io::Error::other("not a file"));
+    }
+    File::open(path)
+}
 
 /// The bytes of a file.
 ///
@@ -10,10 +23,9 @@ use std::path::Path;
 ///
 /// Of the file system; and for anything that is not a regular file, such as a folder, a pipe or a device.
 pub fn read(path: &Path) -> io::Result<Vec<u8>> {
-    if !fs::metadata(path)?.is_file() {
-        return Err(io::Error::other("not a file"));
-    }
-    fs::read(path)
+    let mut bytes = Vec::new();
+    open(path)?.read_to_end(&mut bytes)?;
+    Ok(bytes)
 }
 
 /// The text of a file.
@@ -23,6 +35,14 @@ pub fn read(path: &Path) -> io::Result<Vec<u8>> {
 /// As [`read`], and for bytes that are no UTF-8.
 pub fn read_to_string(path: &Path) -> io::Result<String> {
     String::from_utf8(read(path)?).map_err(|e| io::Error::new(io::ErrorKind::InvalidData, e))
+}
+
+/// The path of the file called `name` right inside a folder; `None` if the name leads elsewhere, such as
+/// `../x`, `a/b` or `/x`.
+pub fn inside(folder: &Path, name: &str) -> Option<PathBuf> {
+    let mut parts = Path::new(name).components();
+    let is_plain = matches!((parts.next(), parts.next()), (Some(Component::Normal(_)), None));
+    is_plain.then(|| folder.join(name))
 }
 
 #[cfg(test)]
@@ -43,5 +63,14 @@ mod tests {
         assert_eq!(read_to_string(&path).unwrap_err().kind(), io::ErrorKind::InvalidData);
         let missing = read(&folder.path().join("missing")).unwrap_err();
         assert_eq!(missing.kind(), io::ErrorKind::NotFound);
+    }
+
+    #[test]
+    fn names_that_lead_elsewhere_are_not_inside() {
+        let folder = Path::new("here");
+        assert_eq!(inside(folder, "a.ply"), Some(folder.join("a.ply")));
+        for name in ["", ".", "..", "../a", "a/b", "/a", "./../a"] {
+            assert_eq!(inside(folder, name), None, "{name}");
+        }
     }
 }

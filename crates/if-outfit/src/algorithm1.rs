@@ -28,10 +28,10 @@ use if_xpbd::inner_surface::InnerSurface;
 use if_xpbd::params::SolverParams;
 use if_xpbd::report::RunError;
 
-/// Cells of the baked field, in metres; larger for garments longer than 4 m.
+/// Cells of the baked field, in metres; larger where the garment's box has more than 1 m³.
 const CELL: Real = 5e-3;
-/// Cells along the longest side of a garment, at most.
-const MOST_CELLS: Real = 800.0;
+/// Cells in the garment's box, at most. They take less than half of the memory that baking may use.
+const MOST_CELLS: Real = 8e6;
 /// How far beyond the garment's box the field is baked, in metres: no vertex is pushed further.
 const AROUND: Real = 0.03;
 
@@ -80,7 +80,8 @@ pub(crate) fn settled(
     let weights: Vec<Real> = mesh.vertices().iter().map(|p| boxes.weight(p).0).collect();
     let surface = next.to_mesh();
     let inner = InnerSurface::new(&surface, next.bvh());
-    let air = AirParams { min_gap: clearance, ..AirParams::default() };
+    let default = AirParams::default();
+    let air = AirParams { min_gap: clearance, max_gap: default.max_gap.max(clearance), ..default };
     let masked = Masked { field, mask: boxes };
     let below = Below { field: &masked, mask: &weights, air: Some((&inner, air)) };
     run(mesh, &below, read, clearance, progress)
@@ -93,7 +94,7 @@ fn baked(
     monitor: &mut dyn Monitor,
 ) -> Result<Baked, SettleError> {
     let region = garment.surface_aabb().inflated(AROUND);
-    let cell = CELL.max(region.size().max() / MOST_CELLS);
+    let cell = CELL.max((region.size().product() / MOST_CELLS).cbrt());
     match ClothedField::new(below.to_vec()).baked(&region, cell, monitor) {
         Ok(field) => Ok(field),
         Err(BakeError::Cancelled(cancelled)) => Err(SettleError::Cancelled(cancelled)),

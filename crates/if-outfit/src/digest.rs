@@ -17,11 +17,33 @@ pub struct FileDigest {
 
 /// Of bytes in memory.
 pub fn digest(bytes: &[u8]) -> FileDigest {
-    let mut sha256 = String::with_capacity(64);
-    for byte in Sha256::digest(bytes) {
-        let _ = write!(sha256, "{byte:02x}"); // Writing to a string cannot fail.
+    let mut parts = DigestOfParts::default();
+    parts.add(bytes);
+    parts.finish()
+}
+
+/// The digest of bytes that come in parts, of which none is kept.
+#[derive(Clone, Debug, Default)]
+pub struct DigestOfParts {
+    bytes: u64,
+    sha256: Sha256,
+}
+
+impl DigestOfParts {
+    /// Adds bytes after those before.
+    pub fn add(&mut self, part: &[u8]) {
+        self.bytes += part.len() as u64;
+        self.sha256.update(part);
     }
-    FileDigest { bytes: bytes.len() as u64, sha256 }
+
+    /// The digest of all.
+    pub fn finish(self) -> FileDigest {
+        let mut sha256 = String::with_capacity(64);
+        for byte in self.sha256.finalize() {
+            let _ = write!(sha256, "{byte:02x}"); // Writing to a string cannot fail.
+        }
+        FileDigest { bytes: self.bytes, sha256 }
+    }
 }
 
 /// Of a file.
@@ -40,6 +62,9 @@ mod tests {
     #[test]
     fn the_hash_is_that_of_the_standard() {
         let found = digest(b"abc");
+        let mut parts = DigestOfParts::default();
+        [&b"a"[..], b"", b"bc"].iter().for_each(|part| parts.add(part));
+        assert_eq!(parts.finish(), found);
         assert_eq!(found.bytes, 3);
         // FIPS 180-2, appendix B.1.
         assert_eq!(

@@ -99,6 +99,8 @@ pub struct OutfitFiles {
 impl OutfitFiles {
     /// Reads a body and its garments, inner to outer, and checks that they are a valid outfit.
     /// `scale` is the factor from the units of the files to metres, such as 0.001 for millimetres.
+    /// What is verified are positions in metres, as f64: unless the factor is a power of two, they are
+    /// rounded, by 1e-16 of a coordinate, and what merely touches in the file may be apart.
     ///
     /// # Errors
     ///

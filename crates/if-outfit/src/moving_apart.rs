@@ -52,6 +52,7 @@ impl Attempt {
         let tried = (0..=HALVINGS).map(|halvings| distance * 0.5_f64.powi(halvings));
         let mut tried = tried.map(|distance| self.apart(&reached, distance, monitor));
         let found = tried.find_map(Result::transpose).transpose()?;
+        let found = found.filter(|apart| apart.moved > 0.0);
         let Some(Apart { outfit, findings, closed, moved }) = found else { return Ok(None) };
         for (k, (garment, findings)) in outfit.garments.into_iter().zip(findings).enumerate() {
             let input = &self.outfit.garments[k].mesh;

@@ -10,6 +10,8 @@ use if_mesh::index::Bvh;
 use if_mesh::intersections::pairs;
 use if_mesh::measure::displacement;
 use if_mesh::point_tree::PointTree;
+use if_mesh::solid::ClosedLayer;
+use rayon::prelude::*;
 
 /// Displacement of a body above which it counts as yielding, in metres.
 const YIELDS: Real = 1e-3;
@@ -34,8 +36,13 @@ pub(crate) fn draw_back(outfit: &Outfit, goal: &GoalParams) -> Option<(Layer, Dr
     Some((Layer { mesh, ..body.clone() }, report))
 }
 
-/// What of `outfit` intersects its body in pinches; `None` if nothing does.
-pub(crate) fn in_pinches(outfit: &Outfit, goal: &GoalParams) -> Option<PinchReport> {
+/// What of `outfit` intersects its body, whose closed surface is `closed`, in pinches, or is inside
+/// there; `None` if nothing is.
+pub(crate) fn in_pinches(
+    outfit: &Outfit,
+    closed: &ClosedLayer,
+    goal: &GoalParams,
+) -> Option<PinchReport> {
     let needed = room(outfit.garments.len(), SHEET * goal.clearance);
     let pinched = pinched(&outfit.body.mesh, needed);
     if !pinched.contains(&true) {
@@ -46,9 +53,18 @@ pub(crate) fn in_pinches(outfit: &Outfit, goal: &GoalParams) -> Option<PinchRepo
         let found = pairs(&body, &Bvh::new(&layer.mesh));
         found.iter().filter(|p| pinched[p.a as usize]).map(|p| [p.a, p.b]).collect()
     };
-    let garments = outfit.garments.iter().map(|layer| (layer.name.as_str(), garment(layer), 0));
+    let inside = |layer: &Layer| {
+        let used = layer.mesh.used_vertices();
+        let is_inside = |v: &usize| {
+            let sided = closed.sided(&layer.mesh.vertices()[*v], 0.0);
+            sided.is_some_and(|s| s.distance < 0.0 && pinched[s.triangle as usize])
+        };
+        (0..used.len()).into_par_iter().filter(|v| used[*v]).filter(is_inside).count()
+    };
+    let garments = outfit.garments.iter();
+    let garments = garments.map(|layer| (layer.name.as_str(), garment(layer), inside(layer)));
     let report = PinchReport::new(pinched.iter().filter(|is| **is).count(), garments);
-    (report.pairs > 0).then_some(report)
+    (report.pairs + report.inside > 0).then_some(report)
 }
 
 /// Where a body with the triangles of `mesh` yields that was at `given` and is `now`; `places` are
@@ -116,6 +132,7 @@ mod tests {
         let ResolveError::Unresolved { result, .. } = error else { panic!("{error}") };
         let pinch = result.report.pinch.clone().unwrap();
         assert!(pinch.pairs > 0 && pinch.pairs <= result.report.after.total_pairs());
+        assert!(pinch.inside > 0 && pinch.inside <= result.report.after.total_inside());
         assert_eq!(pinch.garments[0].name, "sheet");
         assert!(!pinch.garments[0].faces.is_empty() && pinch.body_faces > 10);
 

@@ -248,7 +248,7 @@ fn resolve_on_body(
     }
     report.compare_clearance(params.goal.clearance);
     if !report.is_proven() && params.goal.pinch == Pinch::Keep {
-        report.pinch = in_pinches(&found, &params.goal);
+        report.pinch = in_pinches(&found, &attempt.closed[0], &params.goal);
     }
     report.seconds = start.elapsed().as_secs_f64();
     let resolved = Resolved { outfit: found, splits: attempt.splits, report };

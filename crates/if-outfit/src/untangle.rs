@@ -33,7 +33,9 @@ use if_core::math::{Point, Real};
 use if_core::mesh::TriMesh;
 use if_core::monitor::Cancelled;
 use if_mesh::index::Bvh;
-use if_mesh::intersections::own_pairs;
+use if_mesh::intersections::{
+    Fans, MovedTriangles, TrianglePair, own_pairs_after_motion, own_pairs_with,
+};
 use patch::{Outcome, Patch};
 use std::collections::BTreeSet;
 
@@ -76,8 +78,9 @@ pub(crate) fn untangle(
     let edges = Edges::new(rest);
     let neighbours = Neighbours::new(&edges, rest.vertices());
     let mut mesh = rest.with_vertices(start.to_vec()).expect("positions of a mesh");
-    let mut tree = Bvh::new(&mesh);
-    let mut pairs = own(&mesh, &tree);
+    let (mut tree, fans) = (Bvh::new(&mesh), Fans::new(&mesh));
+    let mut found = own_pairs_with(&mesh, &tree, &fans);
+    let mut pairs = triangles_of(&found);
     let (given, mut rounds, mut work) = (pairs.len(), 0, WORK);
     for reach in REACHES.map(|r| r * params.effort.repair_influence) {
         if pairs.is_empty() {
@@ -101,10 +104,13 @@ pub(crate) fn untangle(
             patch.write(&outcome.positions, &mut x);
             let next = mesh.with_vertices(x).expect("the solver keeps positions finite");
             tree.refit(next.vertices());
-            let left = own(&next, &tree);
+            let moved = mesh.vertices().iter().zip(next.vertices()).map(|(a, b)| a != b);
+            let moved = MovedTriangles::new(&next, &moved.collect::<Vec<_>>());
+            let found_next = own_pairs_after_motion(&next, &tree, &fans, &moved, &found);
+            let left = triangles_of(&found_next);
             let is_better = left.len() < pairs.len() && new_pairs(&left, &pairs).is_empty();
             if is_better && accepted(next.vertices()) {
-                (mesh, pairs) = (next, left);
+                (mesh, pairs, found) = (next, left, found_next);
             }
             tree.refit(mesh.vertices());
         }
@@ -121,26 +127,33 @@ fn groups(
     neighbours: &Neighbours,
     reach: Real,
 ) -> Vec<BTreeSet<u32>> {
-    let mut groups: Vec<(BTreeSet<u32>, BTreeSet<u32>)> = Vec::new();
-    for contour in contours {
+    // For each vertex the first contour near it; for each contour one that its group has, which leads on
+    // to the last; and the sources of each group, by its last contour.
+    let mut first_near: Vec<Option<usize>> = vec![None; mesh.vertices().len()];
+    let mut last: Vec<usize> = (0..contours.len()).collect();
+    let mut groups: Vec<BTreeSet<u32>> = vec![BTreeSet::new(); contours.len()];
+    for (k, contour) in contours.iter().enumerate() {
         let mut sources: BTreeSet<u32> =
             contour.vertices(mesh.triangles()).into_iter().flatten().collect();
         if (contour.cut_off.len() as Real) < CUT_OFF * mesh.vertices().len() as Real {
             sources.extend(&contour.cut_off);
         }
         let far = neighbours.distances(sources.iter().copied(), reach);
-        let mut near: BTreeSet<u32> =
-            (0..far.len() as u32).filter(|v| far[*v as usize].is_finite()).collect();
-        let (joined, apart): (Vec<_>, Vec<_>) =
-            groups.into_iter().partition(|(_, other)| !other.is_disjoint(&near));
-        for (others, around) in joined {
-            sources.extend(others);
-            near.extend(around);
+        for (first, _) in first_near.iter_mut().zip(&far).filter(|(_, far)| far.is_finite()) {
+            let mut group = *first.get_or_insert(k);
+            while last[group] != group {
+                last[group] = last[last[group]];
+                group = last[group];
+            }
+            if group != k {
+                last[group] = k;
+                sources.append(&mut groups[group]);
+            }
         }
-        groups = apart;
-        groups.push((sources, near));
+        groups[k] = sources;
     }
-    groups.into_iter().map(|(sources, _)| sources).collect()
+    groups.retain(|sources| !sources.is_empty());
+    groups
 }
 
 /// Tries ways apart for the contours of `patch` until no pair is left or `work` is used up, and
@@ -190,14 +203,15 @@ fn best_way(
     Ok(Outcome { rounds, ..best })
 }
 
-/// The own pairs of `mesh`, which `tree` holds, sorted.
-fn own(mesh: &TriMesh, tree: &Bvh) -> Vec<[u32; 2]> {
-    own_pairs(mesh, tree).iter().map(|p| [p.a, p.b]).collect()
+/// The triangles of pairs.
+fn triangles_of(pairs: &[TrianglePair]) -> Vec<[u32; 2]> {
+    pairs.iter().map(|p| [p.a, p.b]).collect()
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use if_mesh::intersections::own_pairs;
     use if_mesh::measure::displacement;
 
     /// A square sheet of 0.2 m with `n` cells a side, at the heights `z`.
@@ -224,7 +238,7 @@ mod tests {
     }
 
     fn pairs_of(mesh: &TriMesh) -> Vec<[u32; 2]> {
-        own(mesh, &Bvh::new(mesh))
+        triangles_of(&own_pairs(mesh, &Bvh::new(mesh)))
     }
 
     /// Untangles `layer`, in which something must intersect, and returns what is left.

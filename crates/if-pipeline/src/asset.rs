@@ -236,11 +236,8 @@ impl Asset {
 
 /// Reads a file and checks its hash.
 fn load(folder: &Path, file: &FileInfo) -> Result<Vec<u8>, AssetError> {
-    let name = Path::new(&file.file);
-    if name.components().count() != 1 || name.file_name().is_none() {
-        return Err(AssetError::Name { name: file.file.clone() });
-    }
-    let path = folder.join(name);
+    let path = regular_file::inside(folder, &file.file)
+        .ok_or_else(|| AssetError::Name { name: file.file.clone() })?;
     let bytes = regular_file::read(&path)
         .map_err(|source| AssetError::Io { path: path.clone(), source })?;
     let found = digest(&bytes);

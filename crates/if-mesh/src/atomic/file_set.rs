@@ -8,6 +8,8 @@ use std::path::{Path, PathBuf};
 
 /// The hidden folder.
 const PARTIAL: &str = ".ifg-partial";
+/// Before the number of a file that is being replaced.
+const OLD: &str = ".old-";
 
 /// Files cannot be written together.
 #[derive(Debug, thiserror::Error)]
@@ -92,7 +94,7 @@ impl FileSet {
     }
 
     /// Moves the files to their names, in the order given; none of them if something is in the way
-    /// of one.
+    /// of one. If a move fails, those before it are undone.
     ///
     /// # Errors
     ///
@@ -101,15 +103,78 @@ impl FileSet {
         for name in names {
             free(&self.out.join(name))?;
         }
+        let mut done = Vec::with_capacity(names.len());
         for name in names {
             let path = self.out.join(name);
-            let folder = path.parent().unwrap_or(&self.out);
-            let moved =
-                fs::create_dir_all(folder).and_then(|()| fs::rename(self.path(name), &path));
-            moved.map_err(|source| FileSetError::File { path, source })?;
+            match Moved::to(
+                path.clone(),
+                &self.path(name),
+                self.path(format!("{OLD}{}", done.len())),
+            ) {
+                Ok(moved) => done.push(moved),
+                Err(source) => {
+                    done.into_iter().rev().for_each(Moved::undo);
+                    return Err(FileSetError::File { path, source });
+                }
+            }
         }
         self.made.clear();
         Ok(())
+    }
+}
+
+/// A file that was moved to its name.
+struct Moved {
+    path: PathBuf,
+    /// What had the name before.
+    old: Option<PathBuf>,
+    /// Folders that were created for it, innermost first.
+    made: Vec<PathBuf>,
+}
+
+impl Moved {
+    /// Moves `new` to `path`, where a file is kept as `old`. Whoever reads `path` finds one or the
+    /// other.
+    fn to(path: PathBuf, new: &Path, old: PathBuf) -> io::Result<Self> {
+        let mut moved = Self { path, old: None, made: Vec::new() };
+        let result = moved.make_way(old).and_then(|()| fs::rename(new, &moved.path));
+        match result {
+            Ok(()) => Ok(moved),
+            Err(error) => {
+                moved.remove_made();
+                Err(error)
+            }
+        }
+    }
+
+    fn make_way(&mut self, old: PathBuf) -> io::Result<()> {
+        let missing = |folder: &&Path| !folder.as_os_str().is_empty() && !folder.exists();
+        let folders = self.path.ancestors().skip(1);
+        self.made = folders.take_while(missing).map(Path::to_path_buf).collect();
+        if let Some(folder) = self.made.first() {
+            fs::create_dir_all(folder)?;
+        }
+        if self.path.exists() {
+            // Not all file systems have links, and none has them to another one.
+            fs::hard_link(&self.path, &old).or_else(|_| fs::copy(&self.path, &old).map(|_| ()))?;
+            self.old = Some(old);
+        }
+        Ok(())
+    }
+
+    /// What cannot be undone stays: the error that is returned is the first one.
+    fn undo(self) {
+        let _ = match &self.old {
+            Some(old) => fs::rename(old, &self.path),
+            None => fs::remove_file(&self.path),
+        };
+        self.remove_made();
+    }
+
+    fn remove_made(&self) {
+        for folder in &self.made {
+            let _ = fs::remove_dir(folder);
+        }
     }
 }
 
@@ -191,6 +256,25 @@ mod tests {
         assert!(!folder.path().join("new").exists());
         commit(&["a", "new/x"]).unwrap();
         assert_eq!(fs::read(folder.path().join("a")).unwrap(), b"new");
+    }
+
+    /// A file that is missing cannot be moved, as one to another file system cannot.
+    #[test]
+    fn where_a_move_fails_those_before_it_are_undone() {
+        let folder = tempfile::tempdir().unwrap();
+        write(folder.path().join("a"), "old").unwrap();
+        let staging = FileSet::open(folder.path()).unwrap();
+        for name in ["a", "new/x/y"] {
+            fs::create_dir_all(staging.path(name).parent().unwrap()).unwrap();
+            write(staging.path(name), "new").unwrap();
+        }
+        let fault = staging.commit(&["a", "new/x/y", "other/missing"]).unwrap_err();
+        assert!(
+            matches!(&fault, FileSetError::File { path, .. } if path.ends_with("missing")),
+            "{fault}"
+        );
+        assert_eq!(fs::read(folder.path().join("a")).unwrap(), b"old");
+        assert_eq!(read_dir(folder.path()).unwrap().count(), 1);
     }
 
     #[test]

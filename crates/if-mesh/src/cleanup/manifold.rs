@@ -6,6 +6,7 @@ use super::half_edges::{HalfEdges, NONE, ends, previous};
 use super::report::ManifoldReport;
 use if_core::math::{Real, Vector, unit_or_zero};
 use if_core::mesh::TriMesh;
+use std::cmp::Ordering;
 
 /// Makes `mesh` manifold and consistently oriented, without moving a vertex: at most two triangles
 /// at an edge, one fan at a vertex, no triangle of zero area, no duplicates, no unused vertices.
@@ -109,25 +110,35 @@ fn orient(work: &mut EditMesh, half_edges: &HalfEdges) -> usize {
 /// Pairs the half-edges of non-manifold edges: one of each direction, those whose triangles
 /// continue each other flattest first.
 fn pair_at_non_manifold_edges(work: &EditMesh, half_edges: &mut HalfEdges) {
-    for run in &half_edges.non_manifold {
+    let HalfEdges { twin, non_manifold, .. } = half_edges;
+    for run in non_manifold.iter() {
         let away: Vec<Vector> = run.iter().map(|&h| across(work, h)).collect();
-        let mut pairs: Vec<(Real, usize, usize)> = Vec::new();
-        for i in 0..run.len() {
-            for j in i + 1..run.len() {
-                if ends(&work.triangles, run[i])[0] != ends(&work.triangles, run[j])[0] {
-                    pairs.push((away[i].dot(&away[j]), i, j));
+        let starts: Vec<u32> = run.iter().map(|&h| ends(&work.triangles, h)[0]).collect();
+        let mut is_free: Vec<bool> = run.iter().map(|&h| twin[h as usize] == NONE).collect();
+        // Memory for all pairs would grow with the square of the run.
+        let flattest = |is_free: &[bool], i: usize| {
+            let others = if is_free[i] { i + 1..run.len() } else { 0..0 };
+            let others = others.filter(|j| is_free[*j] && starts[i] != starts[*j]);
+            others.map(|j| (away[i].dot(&away[j]), i, j)).min_by(flatter)
+        };
+        let mut best: Vec<_> = (0..run.len()).map(|i| flattest(&is_free, i)).collect();
+        while let Some((_, i, j)) = best.iter().flatten().copied().min_by(flatter) {
+            let (g, h) = (run[i], run[j]);
+            twin[g as usize] = h;
+            twin[h as usize] = g;
+            (is_free[i], is_free[j]) = (false, false);
+            for (k, best) in best.iter_mut().enumerate() {
+                if best.is_some_and(|(_, a, b)| !is_free[a] || !is_free[b]) {
+                    *best = flattest(&is_free, k);
                 }
             }
         }
-        pairs.sort_by(|a, b| a.0.total_cmp(&b.0).then((a.1, a.2).cmp(&(b.1, b.2))));
-        for (_, i, j) in pairs {
-            let (g, h) = (run[i], run[j]);
-            if half_edges.twin[g as usize] == NONE && half_edges.twin[h as usize] == NONE {
-                half_edges.twin[g as usize] = h;
-                half_edges.twin[h as usize] = g;
-            }
-        }
     }
+}
+
+/// Pairs of half-edges, the flattest first.
+fn flatter(a: &(Real, usize, usize), b: &(Real, usize, usize)) -> Ordering {
+    a.0.total_cmp(&b.0).then((a.1, a.2).cmp(&(b.1, b.2)))
 }
 
 /// The unit vector in the triangle of `h` that points away from that edge; zero if undefined.
@@ -242,6 +253,39 @@ mod tests {
         assert!(half_edges.non_manifold.is_empty());
         assert_eq!(half_edges.twin[3], 6, "the two flat ones are neighbours");
         assert_eq!(half_edges.twin[0], NONE);
+    }
+
+    #[test]
+    fn pages_of_a_book_are_paired_as_by_a_sorted_list_of_all_pairs() {
+        let mut points = vec![[0., 0., 0.], [0., 0., 1.]];
+        points.extend((1..=60).map(|k| {
+            let a = 2.4 * f64::from(k * k % 61);
+            [a.cos(), a.sin(), 0.5]
+        }));
+        // Some lie on others.
+        points.extend_from_within(10..20);
+        let page = |v: u32| if v % 3 == 0 { [0, 1, v] } else { [1, 0, v] };
+        let book = mesh(&points, &(2..72).map(page).collect::<Vec<_>>());
+        let work = EditMesh::new(&book);
+        let mut half_edges = HalfEdges::of_mesh(&book);
+        let [run] = &half_edges.non_manifold[..] else { panic!("one edge") };
+        let mut pairs: Vec<(Real, usize, usize)> = Vec::new();
+        for (i, j) in (0..70).flat_map(|i| (i + 1..70).map(move |j| (i, j))) {
+            if ends(book.triangles(), run[i])[0] != ends(book.triangles(), run[j])[0] {
+                pairs.push((across(&work, run[i]).dot(&across(&work, run[j])), i, j));
+            }
+        }
+        pairs.sort_by(flatter);
+        let mut twin = half_edges.twin.clone();
+        for (_, i, j) in pairs {
+            let (g, h) = (run[i] as usize, run[j] as usize);
+            if twin[g] == NONE && twin[h] == NONE {
+                (twin[g], twin[h]) = (h as u32, g as u32);
+            }
+        }
+        pair_at_non_manifold_edges(&work, &mut half_edges);
+        assert_eq!(half_edges.twin, twin);
+        assert!(twin.iter().filter(|h| **h != NONE).count() >= 40);
     }
 
     #[test]

@@ -61,9 +61,14 @@ pub enum FilesError {
         path.display()
     )]
     SharedVertices { first: String, second: String, path: PathBuf },
-    /// Two garments have one file name, so that one output would replace the other.
-    #[error("garments `{first}` and `{second}` would both be written to `{}`; rename a file", file.display())]
+    /// Two layers have one file name, so that one output would replace the other.
+    #[error("`{first}` and `{second}` would both be written to `{}`; rename a file", file.display())]
     SameFile { first: String, second: String, file: PathBuf },
+    /// A garment from memory has a name that is no file's.
+    #[error(
+        "garment `{layer}` has no file, and its name cannot be that of one; give it a name without folders"
+    )]
+    FileName { layer: String },
     /// The output folder cannot be made.
     #[error("cannot make folder `{}`: {source}", path.display())]
     Folder { path: PathBuf, source: std::io::Error },

@@ -5,6 +5,7 @@ use crate::outfit::Outfit;
 use crate::report::ResolveReport;
 use if_core::math::Point;
 use if_mesh::file::{Content, MeshFile, WriteError};
+use if_mesh::regular_file;
 use rayon::prelude::*;
 use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
@@ -102,11 +103,13 @@ impl ResolvedFiles {
     ///
     /// # Errors
     ///
-    /// Two files of one name (case does not count).
+    /// Two files of one name (case does not count), that of a body that was drawn back
+    /// ([`ResolvedFiles::drawn_back_file_name`]) included, or a garment from memory whose name is no
+    /// file's.
     pub fn output_files(&self) -> Result<Vec<(PathBuf, Vec<usize>)>, FilesError> {
         let mut found: Vec<(PathBuf, Vec<usize>)> = Vec::new();
         for k in 0..self.files.len() {
-            let name = self.file_name(k);
+            let name = self.file_name(k)?;
             let same = |(other, _): &&mut (PathBuf, Vec<usize>)| {
                 other.as_os_str().eq_ignore_ascii_case(&name)
             };
@@ -119,6 +122,17 @@ impl ResolvedFiles {
                 }
             }
         }
+        if let Some(body) = self.drawn_back_file_name()
+            && let Some((file, ks)) =
+                found.iter().find(|(name, _)| name.as_os_str().eq_ignore_ascii_case(&body))
+        {
+            let first = self.outfit.garments[ks[0]].name.clone();
+            return Err(FilesError::SameFile {
+                first,
+                second: self.outfit.body.name.clone(),
+                file: file.clone(),
+            });
+        }
         Ok(found)
     }
 
@@ -128,7 +142,7 @@ impl ResolvedFiles {
     ///
     /// # Errors
     ///
-    /// Two files of one name, or a folder or file that cannot be written.
+    /// As [`ResolvedFiles::output_files`], or a folder or file that cannot be written.
     pub fn write(&self, folder: &Path) -> Result<Vec<PathBuf>, FilesError> {
         let names = self.output_files()?;
         std::fs::create_dir_all(folder)
@@ -153,9 +167,13 @@ impl ResolvedFiles {
         Ok(written)
     }
 
-    fn file_name(&self, k: usize) -> PathBuf {
-        let of_memory = || format!("{}.ply", self.outfit.garments[k].name).into();
-        self.paths[k].file_name().map(OsStr::to_owned).map_or_else(of_memory, PathBuf::from)
+    fn file_name(&self, k: usize) -> Result<PathBuf, FilesError> {
+        if let Some(name) = self.paths[k].file_name() {
+            return Ok(name.into());
+        }
+        let layer = &self.outfit.garments[k].name;
+        regular_file::inside(Path::new(""), &format!("{layer}.ply"))
+            .ok_or_else(|| FilesError::FileName { layer: layer.clone() })
     }
 }
 

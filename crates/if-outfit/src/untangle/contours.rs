@@ -83,20 +83,27 @@ impl Contour {
             }
             chains.push(chain);
         }
-        let chain = |(c, chain): (usize, &BTreeSet<usize>)| {
-            let of_chain = seen.iter().zip(pairs).filter_map(|(seen, pair)| match seen {
-                Some((d, turned)) if *d == c => {
-                    Some(if *turned { [pair[1], pair[0]] } else { *pair })
-                }
-                _ => None,
-            });
+        let mut of_chain = vec![Vec::new(); chains.len()];
+        for (seen, pair) in seen.iter().zip(pairs) {
+            if let Some((chain, turned)) = seen {
+                of_chain[*chain].push(if *turned { [pair[1], pair[0]] } else { *pair });
+            }
+        }
+        let mut pieces = Pieces::new(mesh, edges);
+        let chain = |(chain, pairs): (&BTreeSet<usize>, Vec<[u32; 2]>)| {
             let passings: Vec<&Passing> = chain.iter().map(|k| &passings[*k]).collect();
-            Self::new(mesh, edges, of_chain.collect(), &passings)
+            Self::new(mesh, edges, &mut pieces, pairs, &passings)
         };
-        chains.iter().enumerate().map(chain).collect()
+        chains.iter().zip(of_chain).map(chain).collect()
     }
 
-    fn new(mesh: &TriMesh, edges: &Edges, pairs: Vec<[u32; 2]>, passings: &[&Passing]) -> Self {
+    fn new(
+        mesh: &TriMesh,
+        edges: &Edges,
+        pieces: &mut Pieces,
+        pairs: Vec<[u32; 2]>,
+        passings: &[&Passing],
+    ) -> Self {
         let x = mesh.vertices();
         let mut cuts: BTreeMap<u32, Vec<Real>> = BTreeMap::new();
         passings.iter().for_each(|p| cuts.entry(p.edge).or_default().push(p.place));
@@ -106,22 +113,21 @@ impl Contour {
         }
         // An edge that passes twice ends where it began.
         let is_cut = |e: u32| cuts.get(&e).is_some_and(|places| places.len() % 2 == 1);
-        let kept = (0..edges.len() as u32).filter(|e| !is_cut(*e));
-        let parts = parts_by_edges(kept.map(|e| edges.vertices[e as usize]), x.len());
-        let mut sizes: BTreeMap<u32, usize> = BTreeMap::new();
-        parts.iter().for_each(|part| *sizes.entry(*part).or_default() += 1);
+        let ends = passings.iter().map(|p| edges.vertices[p.edge as usize][0]);
+        let parts = pieces.parts_without(edges, ends, is_cut);
         let firsts: BTreeSet<u32> = pairs.iter().map(|p| p[0]).collect();
         let (mut votes, mut counts) = ([0i64; 2], [0i64; 2]);
         let mut inside = BTreeSet::new();
         for passing in passings {
             let [p, q] = edges.vertices[passing.edge as usize];
-            let [of_p, of_q] = [p, q].map(|v| parts[v as usize]);
+            let [of_p, of_q] = [p, q].map(|v| parts.of(pieces, v));
             let on_first = !firsts.contains(&passing.triangle);
             counts[usize::from(!on_first)] += 1;
             if !is_cut(passing.edge) || of_p == of_q {
                 continue;
             }
-            let is_q_in = (sizes[&of_q], of_q) < (sizes[&of_p], of_p);
+            let size = |part: u32| (parts.sizes[part as usize], part);
+            let is_q_in = size(of_q) < size(of_p);
             let (outer, inner) = if is_q_in { (p, of_q) } else { (q, of_p) };
             inside.insert(inner);
             let height = height(mesh, passing.triangle, &x[outer as usize]);
@@ -134,7 +140,7 @@ impl Contour {
         });
         let cut_off = match verdict {
             [0, 0] => Vec::new(),
-            _ => (0..x.len() as u32).filter(|v| inside.contains(&parts[*v as usize])).collect(),
+            _ => parts.vertices_in(&inside),
         };
         let depth = |moved: usize, sign: Real| {
             let below = pairs.iter().map(|pair| {
@@ -171,6 +177,84 @@ impl Contour {
     /// Vertices of the pairs, of the first sheet and of the second.
     pub(super) fn vertices(&self, triangles: &[[u32; 3]]) -> [BTreeSet<u32>; 2] {
         [0, 1].map(|k| self.pairs.iter().flat_map(|p| triangles[p[k] as usize]).collect())
+    }
+}
+
+/// The connected pieces of a mesh: a contour cuts only those that it lies on.
+struct Pieces {
+    /// For each vertex its piece.
+    of: Vec<u32>,
+    /// Of each piece its vertices and edges, ascending.
+    vertices: Vec<Vec<u32>>,
+    edges: Vec<Vec<u32>>,
+    /// For each vertex its place among those of the pieces that were cut last.
+    places: Vec<u32>,
+}
+
+/// Some pieces in parts.
+struct Parts {
+    vertices: Vec<u32>,
+    /// For each of these its part: the place of the first vertex in it.
+    of: Vec<u32>,
+    /// For each of these how many vertices are in the part that begins with it.
+    sizes: Vec<usize>,
+}
+
+impl Pieces {
+    fn new(mesh: &TriMesh, edges: &Edges) -> Self {
+        let first = parts_by_edges(edges.vertices.iter().copied(), mesh.vertices().len());
+        let (mut of, mut vertices) = (vec![0; first.len()], Vec::new());
+        for (v, first) in first.iter().enumerate() {
+            // The first vertex of a piece comes before the others.
+            if v == *first as usize {
+                of[v] = vertices.len() as u32;
+                vertices.push(Vec::new());
+            } else {
+                of[v] = of[*first as usize];
+            }
+            vertices[of[v] as usize].push(v as u32);
+        }
+        let mut of_pieces = vec![Vec::new(); vertices.len()];
+        for (e, [v, _]) in (0..).zip(&edges.vertices) {
+            of_pieces[of[*v as usize] as usize].push(e);
+        }
+        Self { places: vec![0; of.len()], of, vertices, edges: of_pieces }
+    }
+
+    /// The pieces on which vertices of `on` lie, in parts that edges connect which are not cut.
+    fn parts_without(
+        &mut self,
+        edges: &Edges,
+        on: impl Iterator<Item = u32>,
+        is_cut: impl Fn(u32) -> bool,
+    ) -> Parts {
+        let pieces: BTreeSet<u32> = on.map(|v| self.of[v as usize]).collect();
+        let of =
+            |list: &[Vec<u32>]| pieces.iter().flat_map(|k| &list[*k as usize]).copied().collect();
+        let mut vertices: Vec<u32> = of(&self.vertices);
+        vertices.sort_unstable();
+        for (place, v) in (0..).zip(&vertices) {
+            self.places[*v as usize] = place;
+        }
+        let all: Vec<u32> = of(&self.edges);
+        let kept = all.into_iter().filter(|e| !is_cut(*e));
+        let ends = kept.map(|e| edges.vertices[e as usize].map(|v| self.places[v as usize]));
+        let of = parts_by_edges(ends, vertices.len());
+        let mut sizes = vec![0; vertices.len()];
+        of.iter().for_each(|part| sizes[*part as usize] += 1);
+        Parts { vertices, of, sizes }
+    }
+}
+
+impl Parts {
+    /// The part of a vertex that is in one of `pieces`.
+    fn of(&self, pieces: &Pieces, v: u32) -> u32 {
+        self.of[pieces.places[v as usize] as usize]
+    }
+
+    fn vertices_in(&self, parts: &BTreeSet<u32>) -> Vec<u32> {
+        let of = self.vertices.iter().zip(&self.of);
+        of.filter(|(_, part)| parts.contains(part)).map(|(v, _)| *v).collect()
     }
 }
 

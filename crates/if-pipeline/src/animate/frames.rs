@@ -11,7 +11,7 @@ use super::report::FrameReport;
 use if_body::Pose;
 use if_core::math::{Point, Real, Vector};
 use if_core::nalgebra::{Quaternion, UnitQuaternion};
-use if_outfit::digest::digest;
+use if_outfit::digest::{DigestOfParts, digest};
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 use serde_json::json;
@@ -76,11 +76,26 @@ impl Frames {
         movement: Movement<'_>,
         params: &AnimateParams,
     ) -> Result<Self, AnimateError> {
-        std::fs::create_dir_all(folder)
-            .map_err(|source| AnimateError::Io { path: folder.into(), source })?;
         let vertices = movement.outfit().layers().map(|l| l.mesh.vertices().len()).collect();
         let request = request(movement, params)?;
-        Ok(Self { folder: folder.into(), request, rows: Vec::new(), vertices })
+        let frames = Self { folder: folder.into(), request, rows: Vec::new(), vertices };
+        frames.made()
+    }
+
+    /// Other frames of the same request, in a folder within.
+    ///
+    /// # Errors
+    ///
+    /// A folder that cannot be made.
+    pub(super) fn within(&self, name: &str) -> Result<Self, AnimateError> {
+        let (request, vertices) = (self.request.clone(), self.vertices.clone());
+        Self { folder: self.folder.join(name), request, rows: Vec::new(), vertices }.made()
+    }
+
+    fn made(self) -> Result<Self, AnimateError> {
+        std::fs::create_dir_all(&self.folder)
+            .map_err(|source| AnimateError::Io { path: self.folder.clone(), source })?;
+        Ok(self)
     }
 
     /// Writes the file of a frame.
@@ -253,9 +268,10 @@ fn request(movement: Movement<'_>, params: &AnimateParams) -> Result<String, Ani
         "params": params,
         "fps": movement.frames_per_second(),
     });
-    let mut bytes = head.to_string().into_bytes();
-    movement.digest(&mut |part| bytes.extend(part))?;
-    Ok(digest(&bytes).sha256)
+    let mut parts = DigestOfParts::default();
+    parts.add(head.to_string().as_bytes());
+    movement.digest(&mut |part| parts.add(part))?;
+    Ok(parts.finish().sha256)
 }
 
 /// Writes a line of JSON and bytes, whole or not at all.

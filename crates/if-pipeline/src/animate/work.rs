@@ -45,8 +45,8 @@ impl<'a> Work<'a> {
     ) -> Result<Self, AnimateError> {
         let animator = Animator::new(movement, *params)?;
         let finished = Frames::open(folder, movement, params)?;
-        let walked = Frames::open(&folder.join(WALKED), movement, params)?;
-        let means = Frames::open(&folder.join(MEANS), movement, params)?;
+        let walked = finished.within(WALKED)?;
+        let means = finished.within(MEANS)?;
         let radius = params.smoothed_frames(movement.frames_per_second());
         Ok(Self { movement, params: *params, animator, walked, means, finished, radius })
     }
@@ -201,7 +201,8 @@ fn counted(
     let start = Instant::now();
     move |count| {
         let done = before + count;
-        let left = start.elapsed().as_secs_f64() / count.max(1) as f64 * (total - done) as f64;
+        let left =
+            start.elapsed().as_secs_f64() / count.max(1) as f64 * total.saturating_sub(done) as f64;
         let measures = [("seconds_left", left)];
         monitor.report(&Progress {
             done,

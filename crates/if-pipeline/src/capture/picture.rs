@@ -1,8 +1,8 @@
 //! The PNG images of a capture: data in the pixels, unlike the pictures of `if-render`.
 
+use if_mesh::regular_file;
 use png::{BitDepth, ColorType, Decoder, Encoder, Transformations};
 use std::error::Error;
-use std::fs::File;
 use std::io::{self, BufReader, Write};
 use std::path::Path;
 
@@ -91,7 +91,7 @@ impl From<png::EncodingError> for PictureError {
 
 /// Checks size and format by the header of the file.
 pub(super) fn check(path: &Path, kind: Kind, size: (usize, usize)) -> Result<(), PictureError> {
-    let mut decoder = Decoder::new(BufReader::with_capacity(256, File::open(path)?));
+    let mut decoder = Decoder::new(BufReader::with_capacity(256, regular_file::open(path)?));
     check_info(decoder.read_header_info()?, kind, size)
 }
 
@@ -117,7 +117,7 @@ fn read(
     kind: Kind,
     size: (usize, usize),
 ) -> Result<(Vec<u8>, bool, usize), PictureError> {
-    let mut decoder = Decoder::new(BufReader::new(File::open(path)?));
+    let mut decoder = Decoder::new(BufReader::new(regular_file::open(path)?));
     check_info(decoder.read_header_info()?, kind, size)?;
     // Masks are expanded to at least 8 bits; palette indices of labels are kept.
     decoder.set_transformations(if kind == Kind::Mask {

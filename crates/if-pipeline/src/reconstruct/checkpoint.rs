@@ -10,6 +10,7 @@ use crate::capture::Capture;
 use if_body::SkinWeights;
 use if_core::math::{Point, Real};
 use if_core::mesh::TriMesh;
+use if_mesh::regular_file;
 use sha2::{Digest, Sha256};
 use std::io::{self, Write};
 use std::path::Path;
@@ -125,7 +126,7 @@ impl Checkpoint {
         key: &[u8; 32],
         most: usize,
     ) -> Result<Option<Self>, ReconstructError> {
-        let bytes = match std::fs::read(path) {
+        let bytes = match regular_file::read(path) {
             Ok(bytes) => bytes,
             Err(e) if e.kind() == io::ErrorKind::NotFound => return Ok(None),
             Err(source) => return Err(ReconstructError::Checkpoint { path: path.into(), source }),

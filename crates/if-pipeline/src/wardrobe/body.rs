@@ -12,6 +12,7 @@ use if_core::parameter::ParameterError;
 use if_mesh::atomic::FolderWriter;
 use if_mesh::file::{self, Content, MeshFile};
 use if_mesh::ply::{self, CoordinateType, PlyMesh, WriteParams};
+use if_mesh::regular_file;
 use if_outfit::digest::{FileDigest, digest};
 use if_outfit::outfit::{Layer, Outfit};
 use serde::{Deserialize, Serialize};
@@ -222,8 +223,7 @@ fn ply_bytes(path: &Path, scale: Real) -> Result<Vec<u8>, WardrobeError> {
 
 /// A skeleton as stored in the wardrobe: in metres.
 fn skeleton_bytes(path: &Path, scale: Real) -> Result<Vec<u8>, WardrobeError> {
-    let bytes =
-        fs::read(path).map_err(|source| WardrobeError::Folder { path: path.into(), source })?;
+    let bytes = read_file(path)?;
     if scale == 1.0 {
         return Ok(bytes);
     }
@@ -250,8 +250,7 @@ pub(super) fn read_box(bodies: &Path, info: &BodyInfo) -> Result<Aabb, WardrobeE
 
 pub(super) fn read_info(folder: &Path) -> Result<BodyInfo, WardrobeError> {
     let path = folder.join(INFO);
-    let text =
-        fs::read(&path).map_err(|source| WardrobeError::Folder { path: path.clone(), source })?;
+    let text = read_file(&path)?;
     let info: BodyInfo = serde_json::from_slice(&text)
         .map_err(|e| WardrobeError::BodyInfo { path: path.clone(), message: e.to_string() })?;
     if info.body != FORMAT {
@@ -274,12 +273,18 @@ pub(super) fn read(folder: &Path, info: &BodyInfo) -> Result<WardrobeBody, Wardr
     parse(&info.name, &files)
 }
 
+fn read_file(path: &Path) -> Result<Vec<u8>, WardrobeError> {
+    regular_file::read(path).map_err(|source| WardrobeError::Folder { path: path.into(), source })
+}
+
 /// Reads a file and checks its hash.
 fn load(folder: &Path, file: &FileInfo) -> Result<Source, WardrobeError> {
-    let path = folder.join(&file.file);
-    let bytes =
-        fs::read(&path).map_err(|source| WardrobeError::Folder { path: path.clone(), source })?;
-    let source = Source::new(&path, bytes);
+    let path = regular_file::inside(folder, &file.file).ok_or_else(|| {
+        let message =
+            format!("`{}` is not the name of a file beside it; add the body again", file.file);
+        WardrobeError::BodyInfo { path: folder.join(INFO), message }
+    })?;
+    let source = Source::new(&path, read_file(&path)?);
     if source.content != file.content {
         let message = "the file has changed since the body was added; add it again".into();
         return Err(WardrobeError::BodyInfo { path, message });

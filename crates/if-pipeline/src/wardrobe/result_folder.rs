@@ -5,13 +5,13 @@ use super::error::WardrobeError;
 use super::result::{MatchParams, MatchResult, Matched, State, Timings};
 use super::{Wardrobe, pages};
 use crate::asset::FileInfo;
-use if_mesh::atomic;
+use if_mesh::{atomic, regular_file};
 use if_outfit::digest::{digest, of_file};
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 use std::fs;
 use std::io;
-use std::path::{Component, Path};
+use std::path::Path;
 use std::time::Instant;
 
 const RESULT: &str = "result.json";
@@ -89,10 +89,7 @@ impl Earlier {
         let (Some(outputs), true) = (value["outputs"].as_array(), value["result"].is_u64()) else {
             return in_the_way(&path, "it is not a result");
         };
-        let is_plain = |name: &&str| {
-            let mut parts = Path::new(name).components();
-            matches!((parts.next(), parts.next()), (Some(Component::Normal(_)), None))
-        };
+        let is_plain = |name: &&str| regular_file::inside(out, name).is_some();
         let listed = outputs.iter().filter_map(|output| output["file"].as_str()).filter(is_plain);
         let files: Vec<String> = OWN.into_iter().chain(listed).map(str::to_owned).collect();
         for name in names {

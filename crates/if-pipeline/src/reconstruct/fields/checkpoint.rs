@@ -5,6 +5,7 @@ use super::report::FieldsReport;
 use super::state::State;
 use crate::reconstruct::error::ReconstructError;
 use if_core::math::{Point, Real};
+use if_mesh::regular_file;
 use if_neural::adam::{Adam, AdamParams};
 use if_neural::deformation::DeformationNetwork;
 use if_neural::frame::Frame;
@@ -70,7 +71,7 @@ pub(super) fn read(
     most: u64,
     rates: [AdamParams; 2],
 ) -> Result<Option<State>, ReconstructError> {
-    let bytes = match std::fs::read(path) {
+    let bytes = match regular_file::read(path) {
         Ok(bytes) => bytes,
         Err(e) if e.kind() == io::ErrorKind::NotFound => return Ok(None),
         Err(source) => return Err(ReconstructError::Checkpoint { path: path.into(), source }),
