@@ -64,7 +64,7 @@ impl End {
 )]
 pub(crate) struct NotEverywhere {
     pub(crate) outfit: String,
-    /// Names of layers, the body's first, and their own pairs.
+    /// Names of layers, the body's first, and their own pairs; none of an outfit that was finished before.
     pub(crate) own: Vec<(String, usize)>,
 }
 
@@ -86,6 +86,9 @@ impl NotEverywhere {
 
 /// `own pairs of `skirt`: 3, of `coat`: 2`.
 fn own_pairs(own: &[(String, usize)]) -> String {
+    if own.is_empty() {
+        return "its receipt.json lists own pairs".into();
+    }
     let parts: Vec<String> = own.iter().map(|(name, n)| format!("of `{name}`: {n}")).collect();
     format!("own pairs {}", parts.join(", "))
 }

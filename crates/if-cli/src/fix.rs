@@ -149,7 +149,7 @@ fn summary(ends: &[End], outfits: usize, seconds: f64) -> String {
     let (clean, not_clean, unusable) = (of(End::Clean), of(End::NotClean), of(End::Unusable));
     let undone = outfits - clean - not_clean - unusable;
     format!(
-        "{outfits} outfits: {clean} clean, {not_clean} with intersections left, {unusable} unusable, {undone} not done; \
+        "{outfits} outfits: {clean} clean, {not_clean} not clean, {unusable} unusable, {undone} not done; \
          {seconds:.1} s\n"
     )
 }

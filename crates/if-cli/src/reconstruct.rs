@@ -34,7 +34,7 @@ use std::io;
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
-use summary::{doubts, missing, summary};
+use summary::{summary, warnings};
 
 #[derive(Args, Debug, Clone)]
 pub(crate) struct ReconstructArgs {
@@ -92,8 +92,9 @@ pub(crate) struct ReconstructArgs {
     /// default what meta.json states, and 3,9 if it states nothing.
     #[arg(long, value_name = "DEG,MM", value_parser = pose_sigma)]
     pub(crate) pose_noise: Option<PoseSigma>,
-    /// Exit with code 1 if frames or joints do not match their images, or a garment could not be made;
-    /// everything is written all the same.
+    /// Exit with code 1 after a warning: frames are not used, or frames or joints do not match their
+    /// images, a garment could not be made, or no frame sees a third of it. Everything is written all
+    /// the same.
     #[arg(long)]
     pub(crate) strict: bool,
     /// Print the report as JSON on stdout, and no summary.
@@ -240,16 +241,14 @@ pub(crate) fn run(args: &ReconstructArgs) -> Result<End, Report> {
         let _ = fs::remove_file(state); // of no use any more
     }
     drop(line);
-    let doubts = doubts(&found.report.surface.quality);
+    let warnings = warnings(&found.report);
     if args.json {
         print_json(&found.report)?;
-        doubts.iter().for_each(|text| errors::note(text));
-        found.report.missing.iter().for_each(|name| errors::note(&missing(name)));
+        warnings.iter().for_each(|text| errors::note(text));
     } else {
         print(&summary(&name, &found.report, seconds))?;
     }
-    let is_good = doubts.is_none() && found.report.missing.is_empty();
-    Ok(if args.strict && !is_good { End::NotClean } else { End::Clean })
+    Ok(if args.strict && !warnings.is_empty() { End::NotClean } else { End::Clean })
 }
 
 /// What the options ask for.

@@ -10,6 +10,7 @@ use crate::phase_table;
 use crate::print::{note_lines, print, print_json};
 use crate::receipt;
 use crate::table;
+use if_outfit::Cleanness;
 use miette::Report;
 use serde_json::json;
 use std::path::Path;
@@ -46,7 +47,12 @@ pub(crate) fn outcome(
                     spec.name
                 ))?;
             }
-            return Ok(End::of(state, strict));
+            let end = End::of(state, strict);
+            if strict && state == Cleanness::BetweenLayers {
+                let (outfit, own) = (spec.name.clone(), Vec::new());
+                errors::show(&NotEverywhere { outfit, own }.into());
+            }
+            return Ok(end);
         }
         Outcome::Resolved(done) => done,
     };

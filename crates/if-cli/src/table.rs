@@ -123,7 +123,7 @@ pub(crate) fn cleaned(report: &CleanupReport, colour: bool) -> String {
         "{} filled ({} triangles, {:.2} cm2), {} left, {} openings kept",
         count(h.filled.len()),
         count(added),
-        h.filled.iter().map(|f| f.area).sum::<f64>() * 1e4,
+        h.filled.iter().fold(0.0, |sum, f| sum + f.area) * 1e4, // the sum of none is -0
         count(h.left.len()),
         count(h.openings.len())
     );

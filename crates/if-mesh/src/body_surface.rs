@@ -39,6 +39,7 @@ mod union;
 pub use report::{BodyReport, Hole, NoInside};
 
 use crate::index::Bvh;
+use crate::intersections::own_pairs;
 use crate::pseudo_normals::PseudoNormals;
 use crate::winding::Winding;
 use if_core::closest::{Closest, ClosestPoint};
@@ -49,7 +50,7 @@ use lids::{Surroundings, add, fan};
 use survey::Survey;
 use union::{INSIDE, Union};
 
-/// The closed surface of a body that is not one closed part itself.
+/// The closed surface of a body that is not one closed part itself, or intersects itself.
 #[derive(Clone, Debug)]
 pub struct BodySurface {
     /// Skin, then caps.
@@ -143,13 +144,17 @@ pub fn check(mesh: &TriMesh) -> Result<(), NoInside> {
 }
 
 impl BodySurface {
-    /// Closes `mesh`, whose edges are `edges`. `None` if it is closed ([`is_closed`]).
+    /// Closes `mesh`, whose edges are `edges`. `None` if it is closed ([`is_closed`]) and does not
+    /// intersect itself: its own normals tell sides then.
     ///
     /// # Errors
     ///
     /// It has no inside.
     pub fn new(mesh: &TriMesh, edges: &Edges) -> Result<Option<Self>, NoInside> {
-        if is_closed(mesh, edges) { Ok(None) } else { Survey::new(mesh).map(|s| Some(s.close())) }
+        if is_closed(mesh, edges) && own_pairs(mesh, &Bvh::new(mesh)).is_empty() {
+            return Ok(None);
+        }
+        Survey::new(mesh).map(|s| Some(s.close()))
     }
 
     /// What was assumed.

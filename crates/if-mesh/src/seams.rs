@@ -1,5 +1,5 @@
 //! Welding of seams: boundary edges at the same positions, as exporters leave them where texture
-//! coordinates or normals are discontinuous.
+//! coordinates or normals are discontinuous; and of the sides of sheets that are there twice.
 
 use if_core::edges::{Edges, NONE};
 use if_core::math::Point;
@@ -15,6 +15,8 @@ pub struct Welded {
     pub vertex_map: Vec<u32>,
     /// Number of welded edges.
     pub edges: usize,
+    /// Number of triangles at the positions of earlier ones, whose vertices became theirs.
+    pub repeated: usize,
 }
 
 impl Welded {
@@ -40,12 +42,12 @@ impl Welded {
 }
 
 /// Welds seams: two boundary edges whose ends have exactly the same positions, of consistently
-/// oriented triangles, become one. Unused vertices are dropped. `None` if there is nothing to do,
-/// which takes one pass over sorted positions.
+/// oriented triangles, become one. So do the vertices of triangles at the same three positions, as of
+/// cloth that is exported with a front and a back. Unused vertices are dropped. `None` if there is
+/// nothing to do, which takes one pass over sorted positions.
 ///
 /// Positions are compared exactly, so that hems that only come close are not welded. Edges where
-/// more than two triangles would meet stay open, as do both sides of a sheet that lies on itself,
-/// and triangles with two corners at one position.
+/// more than two triangles would meet stay open, as do triangles with two corners at one position.
 ///
 /// ```
 /// use if_core::{math::Point, mesh::TriMesh};
@@ -62,8 +64,9 @@ pub fn weld(mesh: &TriMesh) -> Option<Welded> {
     let used = mesh.used_vertices();
     let first_at = coincident_vertices(mesh.vertices());
     let mut joined: Vec<u32> = (0..n as u32).collect();
-    let edges = first_at.as_ref().map_or(0, |first_at| join(mesh, first_at, &mut joined));
-    if edges == 0 && used.iter().all(|u| *u) {
+    let (edges, repeated) =
+        first_at.as_ref().map_or((0, 0), |first_at| join(mesh, first_at, &mut joined));
+    if edges + repeated == 0 && used.iter().all(|u| *u) {
         return None;
     }
     let (mut vertex_map, mut vertices) = (vec![NONE; n], Vec::with_capacity(n));
@@ -79,7 +82,7 @@ pub fn weld(mesh: &TriMesh) -> Option<Welded> {
     let triangles = mesh.triangles().iter().map(|t| t.map(|v| vertex_map[v as usize])).collect();
     let mesh = TriMesh::new(vertices, triangles)
         .expect("corners stay distinct, and positions are those of the input");
-    Some(Welded { mesh, vertex_map, edges })
+    Some(Welded { mesh, vertex_map, edges, repeated })
 }
 
 /// For each vertex the first vertex at the same position; `None` if all positions are distinct.
@@ -111,9 +114,9 @@ struct Border {
     across: u32,
 }
 
-/// Unites in `joined` the ends of coincident boundary edges: each vertex refers to the first of its
-/// group. Returns the number of welded edges.
-fn join(mesh: &TriMesh, first_at: &[u32], joined: &mut [u32]) -> usize {
+/// Unites in `joined` the ends of coincident boundary edges, and the corners of coincident triangles: each
+/// vertex refers to the first of its group. Returns the numbers of welded edges and of repeated triangles.
+fn join(mesh: &TriMesh, first_at: &[u32], joined: &mut [u32]) -> (usize, usize) {
     let edges = Edges::new(mesh);
     let mut borders = Vec::new();
     for (t, corners) in mesh.triangles().iter().enumerate() {
@@ -154,6 +157,19 @@ fn join(mesh: &TriMesh, first_at: &[u32], joined: &mut [u32]) -> usize {
             }
         }
     }
+    let mut repeated = 0;
+    for (t, earlier) in coincident_triangles(mesh, first_at) {
+        let [corners, others] = [t, earlier].map(|t| mesh.triangles()[t as usize]);
+        let mut is_new = false;
+        for v in corners {
+            let at_same = |u: &&u32| first_at[**u as usize] == first_at[v as usize];
+            let other = *others.iter().find(at_same).expect("the positions are the same");
+            is_new |= other != v;
+            let (a, b) = (first(joined, v), first(joined, other));
+            joined[a.max(b) as usize] = a.min(b);
+        }
+        repeated += usize::from(is_new);
+    }
     (0..joined.len() as u32).for_each(|v| joined[v as usize] = first(joined, v));
     // A needle at the seam may now have two corners in one vertex: such vertices stay separate.
     let mut separate = vec![false; joined.len()];
@@ -170,7 +186,30 @@ fn join(mesh: &TriMesh, first_at: &[u32], joined: &mut [u32]) -> usize {
             .into_iter()
             .for_each(|v| joined[v] = v as u32);
     }
-    welded
+    (welded, repeated)
+}
+
+/// The triangles whose three positions, all distinct, are those of an earlier one, and the first of these.
+fn coincident_triangles(mesh: &TriMesh, first_at: &[u32]) -> Vec<(u32, u32)> {
+    let places = |t: &u32| {
+        let mut places = mesh.triangles()[*t as usize].map(|v| first_at[v as usize]);
+        places.sort_unstable();
+        places
+    };
+    // Only those with a corner at the position of another vertex can repeat one with other vertices.
+    let mut is_shared = vec![false; first_at.len()];
+    for (v, first) in first_at.iter().enumerate().filter(|(v, first)| *v != **first as usize) {
+        (is_shared[v], is_shared[*first as usize]) = (true, true);
+    }
+    let mut list: Vec<u32> = (0..mesh.triangles().len() as u32).collect();
+    list.retain(|t| mesh.triangles()[*t as usize].iter().all(|v| is_shared[*v as usize]));
+    list.sort_unstable_by_key(|t| (places(t), *t));
+    let runs = list.chunk_by(|a, b| places(a) == places(b));
+    let distinct = runs.filter(|run| {
+        let [a, b, c] = places(&run[0]);
+        a != b && b != c
+    });
+    distinct.flat_map(|run| run[1..].iter().map(|t| (*t, run[0]))).collect()
 }
 
 #[cfg(test)]
@@ -215,7 +254,32 @@ mod tests {
     }
 
     #[test]
-    fn coincident_or_inconsistently_oriented_sheets_are_not_welded() {
+    fn sheets_that_are_there_twice_get_the_same_vertices() {
+        let sheet = tube(0.5, 1.0, 12, 4, false);
+        let n = sheet.vertices().len() as u32;
+        let twice = |turn: bool| {
+            let second = sheet.triangles().iter().map(|t| {
+                let [a, b, c] = t.map(|v| v + n);
+                if turn { [a, c, b] } else { [b, c, a] }
+            });
+            let triangles = sheet.triangles().iter().copied().chain(second).collect();
+            TriMesh::new([sheet.vertices(), sheet.vertices()].concat(), triangles).unwrap()
+        };
+        for turn in [true, false] {
+            let both = twice(turn);
+            let welded = weld(&both).unwrap();
+            assert_eq!(welded.mesh.vertices(), sheet.vertices());
+            assert_eq!((welded.edges, welded.repeated), (0, sheet.triangles().len()));
+            assert_eq!(welded.mesh.triangles()[..sheet.triangles().len()], *sheet.triangles());
+            let moved: Vec<Point> = sheet.vertices().iter().map(|p| p * 2.0).collect();
+            let unwelded = welded.unweld(&moved, both.vertices());
+            assert!(unwelded.iter().zip(both.vertices()).all(|(q, p)| *q == p * 2.0));
+            assert_eq!(weld(&welded.mesh), None);
+        }
+    }
+
+    #[test]
+    fn inconsistently_oriented_sheets_are_not_welded() {
         let v: Vec<Point> = [[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [1.0, 1.0]]
             .map(|[x, y]| Point::new(x, y, 0.0))
             .to_vec();
@@ -227,8 +291,6 @@ mod tests {
             )
             .unwrap()
         };
-        assert_eq!(weld(&with(&[0, 1, 2, 0, 2, 1])), None, "front and back of one sheet");
-        assert_eq!(weld(&with(&[0, 1, 2, 0, 1, 2])), None, "twice the same");
         assert_eq!(weld(&with(&[0, 1, 2, 1, 2, 3])), None, "against each other");
         assert_eq!(weld(&with(&[0, 1, 2, 1, 3, 2])).unwrap().edges, 1);
         assert_eq!(weld(&with(&[0, 1, 2, 1, 3, 2, 1, 3, 2])), None, "three triangles at an edge");

@@ -105,7 +105,7 @@ pub fn faults(mesh: &TriMesh) -> Vec<Fault> {
 /// [`Fault::Units`] where the longest side of the box suggests that the mesh, a body or a whole garment,
 /// is not in metres. Bodies in metres are 0.4 to 2.5 high; anything from a glove to a train passes.
 pub fn suspicious_units(mesh: &TriMesh) -> Option<Fault> {
-    let height = mesh.aabb().size().amax();
+    let height = mesh.surface_aabb().size().amax();
     let unit = match height {
         h if (100.0..=250.0).contains(&h) => Unit::Centimetres,
         h if (800.0..=2500.0).contains(&h) => Unit::Millimetres,

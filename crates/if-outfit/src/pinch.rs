@@ -132,7 +132,9 @@ mod tests {
         let ResolveError::Unresolved { result, .. } = error else { panic!("{error}") };
         let pinch = result.report.pinch.clone().unwrap();
         assert!(pinch.pairs > 0 && pinch.pairs <= result.report.after.total_pairs());
-        assert!(pinch.inside > 0 && pinch.inside <= result.report.after.total_inside());
+        let closed = ClosedLayer::body(&outfit.body.mesh);
+        let given = in_pinches(&outfit, &closed, &GoalParams::default()).unwrap();
+        assert!(given.inside > 0 && given.inside <= result.report.before.total_inside());
         assert_eq!(pinch.garments[0].name, "sheet");
         assert!(!pinch.garments[0].faces.is_empty() && pinch.body_faces > 10);
 

@@ -88,6 +88,7 @@ pub(crate) fn untangle(
         }
         let contours = Contour::all(&mesh, &edges, &pairs);
         for sources in groups(&mesh, &contours, &neighbours, reach) {
+            report(pairs.len())?;
             let near = (&neighbours, &tree);
             let patch = Patch::new(garment, mesh.vertices(), &sources, reach, near, params);
             let start = patch.positions(mesh.vertices());

@@ -31,8 +31,8 @@ pub(super) fn summary(name: &str, report: &ReconstructReport, seconds: f64) -> S
         }
         text += " before the last round\n";
     }
-    if let Some(doubts) = doubts(&surface.quality) {
-        text += &format!("  {doubts}\n");
+    for warning in warnings(report) {
+        text += &format!("  {warning}\n");
     }
     if pixels.contradicting > pixels.used {
         let share = |n: usize| 100.0 * n as f64 / pixels.person.max(1) as f64;
@@ -80,17 +80,29 @@ pub(super) fn summary(name: &str, report: &ReconstructReport, seconds: f64) -> S
             garment.holes_left
         );
     }
-    for name in &report.missing {
-        text += &format!("  {}\n", missing(name));
-    }
     text
 }
 
-/// What is said of a garment that is missing.
-pub(super) fn missing(name: &str) -> String {
-    format!(
-        "{name}: not reconstructed, too little of it was seen; more frames or pixels may show it"
-    )
+/// What may be wrong: each fails `--strict`.
+pub(super) fn warnings(report: &ReconstructReport) -> Vec<String> {
+    let skipped = &report.surface.skipped;
+    let more = skipped.len().saturating_sub(NAMED);
+    let more = (more > 0).then(|| format!("warning: {more} more frames are not used"));
+    let skipped = skipped.iter().take(NAMED).map(|why| format!("warning: {why}; it is not used"));
+    let doubted = doubts(&report.surface.quality);
+    let guessed = report.garments.iter().filter(|g| g.unseen > MOST_UNSEEN).map(|garment| {
+        format!(
+            "warning: no frame sees {:.0} % of {}: what it has there is a guess; the person must be whole in the pictures, and turn",
+            100.0 * garment.unseen,
+            garment.name
+        )
+    });
+    let missing = report.missing.iter().map(|name| {
+        format!(
+            "warning: {name}: not reconstructed, too little of it was seen; more frames or pixels may show it"
+        )
+    });
+    skipped.chain(more).chain(doubted).chain(guessed).chain(missing).collect()
 }
 
 /// What became of the poses, in a line.
@@ -139,7 +151,7 @@ fn trained(fields: &FieldsReport) -> String {
 }
 
 /// Which frames and joints do not match their images; `None` if all do.
-pub(super) fn doubts(quality: &QualityReport) -> Option<String> {
+fn doubts(quality: &QualityReport) -> Option<String> {
     let doubts = &quality.doubts;
     let mut frames: Vec<usize> = doubts.iter().map(|d| d.frame).collect();
     frames.dedup();
@@ -179,6 +191,9 @@ pub(super) fn doubts(quality: &QualityReport) -> Option<String> {
         100.0 * most(|r| r.outside)
     ))
 }
+
+/// The share of a garment that no frame sees from which on it is doubted.
+const MOST_UNSEEN: f64 = 1.0 / 3.0;
 
 /// Frames and joints that a warning names.
 const NAMED: usize = 12;

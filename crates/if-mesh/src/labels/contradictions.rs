@@ -3,9 +3,14 @@
 //! Programs that label images take one garment for another in whole pictures, now and then: a frame calls
 //! all trousers jacket. Where many frames look, they outvote it. Where no other frame does, as between
 //! the legs, its word would stand, so that none of its votes for this label count.
+//!
+//! Frames that are wrong contradict the right ones, too. So the plainest contradiction is withdrawn
+//! first, and the others are judged without it.
 
 use super::votes::winner;
 use if_core::math::Real;
+use rayon::prelude::*;
+use std::borrow::Cow;
 
 /// Least sum of the other frames' votes for a label, and so at least two frames, to contradict one.
 const SURE: Real = 1.0;
@@ -34,12 +39,40 @@ pub struct Contradiction {
     pub others: u8,
 }
 
-/// The contradictions of a frame to the sums of all votes, `labels` for each vertex.
-pub(super) fn contradictions(
-    own: &FrameVotes,
+/// Takes from `frames` the votes that others contradict, and returns which. `votes` are the sums of all,
+/// `labels` for each vertex.
+pub(super) fn withdraw_contradicted(
+    frames: &mut [FrameVotes],
     votes: &[Real],
     labels: usize,
 ) -> Vec<Contradiction> {
+    let (mut found, mut votes) = (Vec::new(), Cow::Borrowed(votes));
+    loop {
+        let of_frames: Vec<Option<(Real, Contradiction)>> =
+            frames.par_iter().map(|own| plainest(own, &votes, labels)).collect();
+        let order = |a: &(Real, Contradiction), b: &(Real, Contradiction)| a.0.total_cmp(&b.0);
+        // Of two equal ones the first.
+        let Some((_, plainest)) = of_frames.into_iter().flatten().rev().max_by(order) else {
+            break;
+        };
+        for own in frames.iter_mut().filter(|own| own.frame == plainest.frame) {
+            let votes = votes.to_mut();
+            own.votes.retain(|(v, label, vote)| {
+                if *label == plainest.label {
+                    votes[*v as usize * labels + usize::from(*label)] -= Real::from(*vote);
+                }
+                *label != plainest.label
+            });
+        }
+        found.push(plainest);
+    }
+    found.sort_unstable_by_key(|c| (c.frame, c.others, c.label));
+    found
+}
+
+/// The plainest contradiction of a frame to the sums of all votes, and how plain it is: the share of
+/// what the frame sees of the true label, times the share of its votes for the other one.
+fn plainest(own: &FrameVotes, votes: &[Real], labels: usize) -> Option<(Real, Contradiction)> {
     // called[true label · labels + label]: votes of the frame.
     let mut called = vec![0.0; labels * labels];
     let mut rest = vec![0.0; labels];
@@ -56,20 +89,21 @@ pub(super) fn contradictions(
             }
         }
     }
-    let mut found = Vec::new();
+    let mut plainest: Option<(Real, Contradiction)> = None;
     for truth in 0..labels {
         let seen: Real = called[truth * labels..][..labels].iter().sum();
         for label in (0..labels).filter(|l| *l != truth) {
             let wrong = called[truth * labels + label];
             let all: Real = (0..labels).map(|t| called[t * labels + label]).sum();
-            if wrong > MOST * seen && wrong > LEAST * all {
-                found.push(Contradiction {
-                    frame: own.frame,
-                    label: label as u8,
-                    others: truth as u8,
-                });
+            let plain = wrong / seen * (wrong / all);
+            if wrong > MOST * seen
+                && wrong > LEAST * all
+                && plainest.is_none_or(|(most, _)| plain > most)
+            {
+                let (frame, label, others) = (own.frame, label as u8, truth as u8);
+                plainest = Some((plain, Contradiction { frame, label, others }));
             }
         }
     }
-    found
+    plainest
 }

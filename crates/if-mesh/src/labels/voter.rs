@@ -20,7 +20,7 @@
 #[cfg(test)]
 mod tests;
 
-use super::contradictions::{Contradiction, FrameVotes, contradictions};
+use super::contradictions::{Contradiction, FrameVotes, withdraw_contradicted};
 use super::error::LabelError;
 use super::image_edges::image_edges;
 use super::votes::{LabelVotes, UNDECIDED};
@@ -371,18 +371,15 @@ impl<'a> Voter<'a> {
     /// The sum of all votes that the other frames do not contradict, and the report.
     pub fn finish(mut self) -> (LabelVotes, VoteReport) {
         let labels = self.labels;
-        let found: Vec<Vec<Contradiction>> =
-            self.frames.par_iter().map(|own| contradictions(own, &self.votes, labels)).collect();
-        if found.iter().any(|found| !found.is_empty()) {
+        let found = withdraw_contradicted(&mut self.frames, &self.votes, labels);
+        if !found.is_empty() {
+            // Anew, because sums of which something was subtracted are rounded.
             self.votes.fill(0.0);
-            for (own, found) in self.frames.iter().zip(&found) {
-                let counts = |label: u8| found.iter().all(|c| c.label != label);
-                for (v, label, vote) in own.votes.iter().filter(|(_, label, _)| counts(*label)) {
-                    self.votes[*v as usize * labels + usize::from(*label)] += Real::from(*vote);
-                }
+            for (v, label, vote) in self.frames.iter().flat_map(|own| &own.votes) {
+                self.votes[*v as usize * labels + usize::from(*label)] += Real::from(*vote);
             }
         }
-        self.report.contradictions = found.concat();
+        self.report.contradictions = found;
         (LabelVotes { labels, weights: self.votes }, self.report)
     }
 }

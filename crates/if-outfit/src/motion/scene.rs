@@ -185,7 +185,7 @@ impl Scene {
 
 /// For each vertex the one that stands for it once seams are welded; `None` if there is no seam.
 fn kept_vertices(mesh: &TriMesh) -> Option<Vec<u32>> {
-    let welded = weld(mesh).filter(|welded| welded.edges > 0)?;
+    let welded = weld(mesh).filter(|welded| welded.edges + welded.repeated > 0)?;
     let mut first = vec![NONE; welded.mesh.vertices().len()];
     let kept = |(v, to): (usize, &u32)| match first.get_mut(*to as usize) {
         Some(first) => {

@@ -18,7 +18,8 @@ use if_mesh::attributes::{Source, VertexAttributes};
 use if_mesh::baked::Baked;
 use if_mesh::cleanup::{CleanupError, CleanupParams, CleanupReport, Complement, Openings, cleanup};
 use if_mesh::labels::{
-    CutParams, Look, Piece, SmoothLabelParams, VoteParams, VoteReport, Voter, cut, smooth_labels,
+    CutParams, Look, Piece, SmoothLabelParams, UNDECIDED, VoteParams, VoteReport, Voter, cut,
+    smooth_labels,
 };
 use if_mesh::ply::PlyMesh;
 use if_outfit::outfit::{OutfitError, check_garment};
@@ -68,6 +69,9 @@ pub struct Garment {
     pub mesh: TriMesh,
     /// Its skinning weights.
     pub skin: SkinWeights,
+    /// The share of it, by vertices of the canonical mesh, that was seen in no frame: a guess, as what
+    /// lies around it is.
+    pub unseen: Real,
     /// φ of the clothed person round it, baked, if requested.
     pub phi: Option<Baked>,
     /// Report of the clean-up.
@@ -162,6 +166,7 @@ pub fn find_garments(
     // Labels are smoothed, with votes against garments on undersides of loose ones, and once more with
     // votes against garments on their lids.
     let (mut votes, vote_report) = voter.finish();
+    let seen: Vec<bool> = (0..votes.vertices()).map(|v| votes.winner(v) != UNDECIDED).collect();
     if let Some(underside) = underside {
         votes = underside.voted(mesh, votes);
     }
@@ -188,11 +193,21 @@ pub fn find_garments(
             None => None,
         };
         match garment {
-            Some(garment) => found.garments.push(garment),
+            Some(garment) => {
+                let unseen = unseen(label, &found.labels, &seen);
+                found.garments.push(Garment { unseen, ..garment });
+            }
             None => found.missing.push(name.clone()),
         }
     }
     Ok(found)
+}
+
+/// The share of the vertices with a label that is not `seen`.
+fn unseen(label: u8, labels: &[u8], seen: &[bool]) -> Real {
+    let of_label = labels.iter().zip(seen).filter(|(other, _)| **other == label);
+    let all = of_label.clone().count();
+    of_label.filter(|(_, seen)| !**seen).count() as Real / all.max(1) as Real
 }
 
 /// Cleans the piece of a garment, and lays its hems straight; `None` if nothing or a scrap remains.
@@ -223,7 +238,7 @@ fn cleaned(
     let skin = SkinWeights::from_ply(&ply, person.skeleton.len())
         .map_err(|source| ReconstructError::GarmentSkin { name: name.into(), source })?;
     let (name, mesh, cleanup) = (name.to_owned(), ply.mesh, clean.report);
-    Ok(Some(Garment { name, label, mesh, skin, phi: None, cleanup }))
+    Ok(Some(Garment { name, label, mesh, skin, unseen: 0.0, phi: None, cleanup }))
 }
 
 /// Whether too little of a garment of `body` was seen to be one: smaller than a hand and with holes alone,

@@ -57,6 +57,9 @@ pub struct GarmentReport {
     pub triangles: usize,
     /// Area, in square metres.
     pub area: Real,
+    /// The share of it that was seen in no frame ([`Garment::unseen`]).
+    #[serde(default)]
+    pub unseen: Real,
     /// Boundary loops that stay open: neck, cuffs, hem.
     pub openings: usize,
     /// Largest number of openings for its class, if the name determines the class.
@@ -97,6 +100,7 @@ impl GarmentReport {
             vertices: garment.mesh.vertices().len(),
             triangles: garment.mesh.triangles().len(),
             area: garment.mesh.area(),
+            unseen: garment.unseen,
             openings: clean.holes.openings.len(),
             most_openings: LayerHint::of_name(&garment.name).class.most_openings(),
             filled: clean.holes.filled.len(),

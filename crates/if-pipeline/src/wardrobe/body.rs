@@ -6,15 +6,18 @@ use if_body::SkinWeights;
 use if_body::align::BodyShape;
 use if_body::{Skeleton, check_upright};
 use if_core::aabb::Aabb;
-use if_core::math::Real;
+use if_core::closest::ClosestPoint;
+use if_core::math::{Point, Real};
 use if_core::mesh::TriMesh;
 use if_core::parameter::ParameterError;
 use if_mesh::atomic::FolderWriter;
 use if_mesh::file::{self, Content, MeshFile};
+use if_mesh::index::Bvh;
 use if_mesh::ply::{self, CoordinateType, PlyMesh, WriteParams};
 use if_mesh::regular_file;
 use if_outfit::digest::{FileDigest, digest};
 use if_outfit::outfit::{Layer, Outfit};
+use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -24,6 +27,10 @@ const INFO: &str = "body.json";
 const MESH: &str = "body.ply";
 const TEMPLATE: &str = "template.ply";
 const SKELETON: &str = "skeleton.json";
+/// Distance from the template that at most a twentieth of a body's vertices exceed, as a share of its longest
+/// side: 7 cm for a person. Templates of scanned people lie below their clothes; that of a person 14 cm
+/// taller is off by more.
+const TEMPLATE_OFF: Real = 0.04;
 /// Number of joints if there is no skeleton: what bytes of PLY files can index.
 const JOINTS: usize = 256;
 
@@ -177,6 +184,9 @@ pub(super) fn write(
         .map_err(|source| WardrobeError::Body { path: path(), source })?;
     check_upright(&outfit.body.mesh, parsed.skeleton.as_ref())
         .map_err(|source| WardrobeError::NotUpright { path: path(), source })?;
+    if let (Some((template, _)), Some(source)) = (&parsed.template, &files.template) {
+        check_template(&outfit.body.mesh, template, &source.path)?;
+    }
     bodies.write(name, |folder| {
         let put = |file: &str, bytes: &[u8]| {
             let path = folder.join(file);
@@ -271,6 +281,20 @@ pub(super) fn read(folder: &Path, info: &BodyInfo) -> Result<WardrobeBody, Wardr
         skeleton: info.skeleton.as_ref().map(load).transpose()?,
     };
     parse(&info.name, &files)
+}
+
+/// Checks that a template is of the body in its pose.
+fn check_template(body: &TriMesh, template: &TriMesh, path: &Path) -> Result<(), WardrobeError> {
+    let surface = Bvh::new(template);
+    let off = |p: &Point| surface.closest(p, Real::INFINITY).map_or(Real::INFINITY, |c| c.distance);
+    let mut off: Vec<Real> = body.vertices().par_iter().map(off).collect();
+    off.sort_unstable_by(Real::total_cmp);
+    match off[off.len() * 19 / 20] {
+        most if most > TEMPLATE_OFF * body.surface_aabb().size().max() => {
+            Err(WardrobeError::Template { path: path.into(), centimetres: 100.0 * most })
+        }
+        _ => Ok(()),
+    }
 }
 
 fn read_file(path: &Path) -> Result<Vec<u8>, WardrobeError> {

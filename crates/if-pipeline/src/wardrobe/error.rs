@@ -61,6 +61,12 @@ pub enum WardrobeError {
     /// A body does not stand along y.
     #[error("{}: {source}", path.display())]
     NotUpright { path: PathBuf, source: NotUpright },
+    /// A template is not of its body.
+    #[error(
+        "{}: the template lies elsewhere than the body: a twentieth of the body's vertices are more than {centimetres:.0} cm from it; give one of the same body in the same pose and units",
+        path.display()
+    )]
+    Template { path: PathBuf, centimetres: Real },
     /// A scaled mesh is not finite.
     #[error("{}: cannot be scaled by {scale}: {source}", path.display())]
     Scale { path: PathBuf, scale: Real, source: MeshError },
@@ -147,6 +153,7 @@ impl WardrobeError {
             | Self::BodyMesh { .. }
             | Self::BodyFile(_)
             | Self::Body { .. }
+            | Self::Template { .. }
             | Self::BodySkin { .. }
             | Self::Skeleton { .. } => "body",
             Self::NoGarments { .. }

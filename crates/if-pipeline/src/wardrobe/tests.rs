@@ -146,7 +146,7 @@ fn a_body_that_is_added_again_keeps_what_it_has() {
     };
     Skeleton::new(vec![joint]).unwrap().write(fs::File::create(&skeleton).unwrap()).unwrap();
     let new = NewBody::new("other", &slim);
-    let with_template = NewBody { template: Some(&large), ..new };
+    let with_template = NewBody { template: Some(&slim), ..new };
     let with_skeleton = NewBody { skeleton: Some(&skeleton), ..new };
     for new in [with_template, with_skeleton, new] {
         assert_eq!(wardrobe.add_body_once(&new).unwrap().name, "slim");
@@ -155,6 +155,24 @@ fn a_body_that_is_added_again_keeps_what_it_has() {
     assert!(info.template.is_some() && info.skeleton.is_some());
     assert!(wardrobe.body("slim").unwrap().template.is_some());
     assert_eq!(wardrobe.bodies().len(), 2);
+    // A template of somebody else, and a body.json that names a file elsewhere.
+    let mesh = wardrobe.body("large").unwrap().mesh;
+    let taller = mesh.vertices().iter().map(|p| Point::new(p.x, 1.3 * p.y, p.z)).collect();
+    let (path, taller) =
+        (root.path().join("files/taller.ply"), mesh.with_vertices(taller).unwrap());
+    write_path(&PlyMesh::new(taller.clone()), taller.vertices(), &WriteParams::default(), &path)
+        .unwrap();
+    let wrong = NewBody { template: Some(&path), ..NewBody::new("another", &large) };
+    let error = wardrobe.add_body(&wrong).unwrap_err();
+    assert!(
+        matches!(error, WardrobeError::Template { centimetres, .. } if centimetres > 7.0),
+        "{error}"
+    );
+    let info = root.path().join("bodies/slim/body.json");
+    let text = fs::read_to_string(&info).unwrap();
+    fs::write(&info, text.replacen("body.ply", "../large/body.ply", 1)).unwrap();
+    let error = wardrobe.body("slim").unwrap_err();
+    assert!(error.to_string().contains("`../large/body.ply` is not the name of a file"), "{error}");
 }
 
 #[test]

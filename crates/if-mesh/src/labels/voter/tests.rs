@@ -98,6 +98,25 @@ fn a_frame_that_takes_one_label_for_another_is_not_believed_where_it_looks_alone
     assert_eq!(turned(&mesh, 12, 0.5).1.contradictions, []);
 }
 
+#[test]
+fn neighbours_that_are_wrong_alike_do_not_silence_the_frames_beside_them() {
+    let mesh = cylinder();
+    let mut voter = Voter::new(&mesh, LABELS, &VoteParams::default()).unwrap();
+    for k in 0..12 {
+        let camera = camera(f64::from(k) / 12.0);
+        let mut image = labels(&camera);
+        if [5, 6].contains(&k) {
+            image.iter_mut().filter(|l| **l == 1).for_each(|l| *l = 2);
+        }
+        voter.add(mesh.vertices(), &camera, &image).unwrap();
+    }
+    let (votes, report) = voter.finish();
+    let of = |frame| Contradiction { frame, label: 2, others: 1 };
+    assert_eq!(report.contradictions, [5, 6].map(of));
+    let (false_labels, none) = wrong(&mesh, |v| votes.winner(v));
+    assert!(false_labels <= 48 && none < 100, "{false_labels} {none}");
+}
+
 /// Vertices with a wrong label, and those without one.
 fn wrong(mesh: &TriMesh, of: impl Fn(usize) -> u8) -> (usize, usize) {
     let mut counts = (0, 0);
