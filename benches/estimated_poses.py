@@ -88,7 +88,12 @@ def main():
                 command = [*python, f"{here}/noisy_template.py", body, template, "--seed", shape]
                 subprocess.run(command, check=True, stdout=subprocess.DEVNULL)
             true = joints(f"{exact}/meta.json")
-            for poses in ["refined"] if "--camera" in noise else ["exact", "refined"]:
+            runs = ["exact", "refined"]
+            if "--camera" in noise:
+                runs = ["refined"]
+            elif noise[0] == "--normals" or noise[1] == "0":
+                runs = ["exact"]  # the poses are, and stated so
+            for poses in runs:
                 out = f"{scratch}/out{number}{poses}"
                 command = [a.ifg, "--threads", "1", "reconstruct", copy, "--body", template, "--out", out, "--json"]
                 command += ["--pose-noise", "0,0"] if poses == "exact" else []

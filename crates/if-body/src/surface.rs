@@ -4,7 +4,7 @@
 use crate::skin_weights::SkinError;
 use crate::skinning::Affine;
 use if_core::edges::Edges;
-use if_core::math::{Point, Real, Vector, area_vector};
+use if_core::math::{Point, Real, Vector, area_vector, triangle_frame};
 use if_core::mesh::TriMesh;
 use if_core::rows::Rows;
 use if_sparse::{Cholesky, Entry, Mat};
@@ -69,7 +69,9 @@ impl BodySurface {
         let mut sums = vec![Matrix3::zeros(); rest.len()];
         for t in self.rest.triangles() {
             let [then, now] = [rest, positions].map(|x| t.map(|v| x[v as usize]));
-            if let (Some(from), Some(to)) = (frame(&then), frame(&now)) {
+            if let (Some(from), Some(to)) =
+                (triangle_frame(then.each_ref()), triangle_frame(now.each_ref()))
+            {
                 let turn = to * from.transpose() * area_vector(&then[0], &then[1], &then[2]).norm();
                 t.iter().for_each(|v| sums[*v as usize] += turn);
             }
@@ -159,13 +161,6 @@ impl BodySurface {
         let turn = nearest_turn(&covariance);
         Isometry3::from_parts(Translation3::from(b - turn * a), turn)
     }
-}
-
-/// Two directions in the plane of a triangle and its normal, as columns; `None` if it has no area.
-fn frame([a, b, c]: &[Point; 3]) -> Option<Matrix3<Real>> {
-    let first = (b - a).try_normalize(0.0)?;
-    let normal = (b - a).cross(&(c - a)).try_normalize(0.0)?;
-    Some(Matrix3::from_columns(&[first, normal.cross(&first), normal]))
 }
 
 /// The rotation nearest to a matrix; that of zero is none.

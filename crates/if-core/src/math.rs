@@ -1,5 +1,7 @@
 //! Scalars, points and vectors, and the few formulas on triangles that every crate needs.
 
+use nalgebra::Matrix3;
+
 /// The scalar of geometry and solver.
 pub type Real = f64;
 /// A position, in metres.
@@ -47,6 +49,20 @@ pub fn unit_or_zero(v: &Vector) -> Vector {
 #[inline]
 pub fn barycentric_point(corners: [&Point; 3], b: [Real; 3]) -> Point {
     Point::from(corners[0].coords * b[0] + corners[1].coords * b[1] + corners[2].coords * b[2])
+}
+
+/// Two directions in the plane of a triangle and its normal, as columns; `None` if it has no area.
+pub fn triangle_frame([a, b, c]: [&Point; 3]) -> Option<Matrix3<Real>> {
+    let first = (b - a).try_normalize(0.0)?;
+    let normal = (b - a).cross(&(c - a)).try_normalize(0.0)?;
+    Some(Matrix3::from_columns(&[first, normal.cross(&first), normal]))
+}
+
+/// `v` turned by a matrix, with its length.
+pub fn turned(turn: &Matrix3<Real>, v: &Vector) -> Vector {
+    let to = turn * v;
+    let (old, new) = (v.norm(), to.norm());
+    if new > 0.0 { to * (old / new) } else { *v }
 }
 
 #[cfg(test)]

@@ -118,8 +118,11 @@ struct Border {
 /// vertex refers to the first of its group. Returns the numbers of welded edges and of repeated triangles.
 fn join(mesh: &TriMesh, first_at: &[u32], joined: &mut [u32]) -> (usize, usize) {
     let edges = Edges::new(mesh);
+    let repeats = coincident_triangles(mesh, first_at);
+    let mut is_repeated = vec![false; mesh.triangles().len()];
+    repeats.iter().for_each(|(t, _)| is_repeated[*t as usize] = true);
     let mut borders = Vec::new();
-    for (t, corners) in mesh.triangles().iter().enumerate() {
+    for (t, corners) in mesh.triangles().iter().enumerate().filter(|(t, _)| !is_repeated[*t]) {
         for k in 0..3 {
             let [a, b, c] = [0, 1, 2].map(|i| corners[(k + i) % 3]);
             let [from, to, across] = [a, b, c].map(|v| first_at[v as usize]);
@@ -158,7 +161,7 @@ fn join(mesh: &TriMesh, first_at: &[u32], joined: &mut [u32]) -> (usize, usize) 
         }
     }
     let mut repeated = 0;
-    for (t, earlier) in coincident_triangles(mesh, first_at) {
+    for (t, earlier) in repeats {
         let [corners, others] = [t, earlier].map(|t| mesh.triangles()[t as usize]);
         let mut is_new = false;
         for v in corners {
@@ -280,7 +283,7 @@ mod tests {
 
     #[test]
     fn inconsistently_oriented_sheets_are_not_welded() {
-        let v: Vec<Point> = [[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [1.0, 1.0]]
+        let v: Vec<Point> = [[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [1.0, 1.0], [2.0, 2.0]]
             .map(|[x, y]| Point::new(x, y, 0.0))
             .to_vec();
         let with = |places: &[usize]| {
@@ -293,7 +296,10 @@ mod tests {
         };
         assert_eq!(weld(&with(&[0, 1, 2, 1, 2, 3])), None, "against each other");
         assert_eq!(weld(&with(&[0, 1, 2, 1, 3, 2])).unwrap().edges, 1);
-        assert_eq!(weld(&with(&[0, 1, 2, 1, 3, 2, 1, 3, 2])), None, "three triangles at an edge");
+        assert_eq!(weld(&with(&[0, 1, 2, 1, 3, 2, 1, 4, 2])), None, "three triangles at an edge");
+        // A seam of two sheets that are both there twice is one.
+        let twice = weld(&with(&[0, 1, 2, 1, 3, 2, 0, 2, 1, 1, 2, 3])).unwrap();
+        assert_eq!((twice.edges, twice.repeated, twice.mesh.vertices().len()), (1, 2, 4));
     }
 
     #[test]

@@ -216,11 +216,6 @@ impl ClosedLayer {
         self.normals.vertex(v as u32) * self.vertex_orientations[v]
     }
 
-    /// Number of triangles in pockets: with both sides inside.
-    pub fn covered_triangles(&self) -> usize {
-        self.closure.as_ref().map_or(0, |c| c.outside.iter().filter(|o| **o == [false; 2]).count())
-    }
-
     /// Whether `p` is certainly outside by the voxels alone, however near a triangle may be; true
     /// for all points of a closed body. While it holds for a moving point, its distance changes by at most
     /// its motion; elsewhere the distance may jump, where the point passes a curtain or a cap.

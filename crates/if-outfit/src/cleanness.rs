@@ -17,9 +17,10 @@ pub enum Cleanness {
     #[serde(rename = "clean between layers")]
     BetweenLayers,
     /// No two triangles of the scene, body and garments, meet except at common vertices: what
-    /// simulators require of their start. Vertices at the same position along a seam count as one, a
+    /// simulators require of their start. Vertices at exactly the same position count as one, a
     /// triangle that repeats another (as in two-sided exports) does not count, nor one without area;
-    /// [`notes`](crate::notes::notes) names them.
+    /// [`notes`](crate::notes::notes) names them: a tool that goes by the numbers of vertices alone may
+    /// call them intersections.
     #[serde(rename = "clean everywhere")]
     Everywhere,
 }

@@ -88,7 +88,7 @@ pub struct Verification {
     /// Intersecting triangle pairs of the body with itself.
     #[serde(default)]
     pub body_own_pairs: usize,
-    /// What was assumed of the body; `None` if it is one closed part.
+    /// What was assumed of the body; `None` if it is one closed part that does not intersect itself.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub body: Option<BodyReport>,
     /// For each garment the least distance of two of its triangles that share no vertex; `None` if

@@ -43,9 +43,6 @@ pub struct AirParams {
     pub min_gap: Real,
     /// δ_max: the largest gap that is preserved, in metres.
     pub max_gap: Real,
-    /// Number of substeps after which the feet of all vertices are searched again; 0 never. F2 and
-    /// F3 only.
-    pub search_every: u32,
     /// The foot of a vertex is searched again once it slid this far along the inner layer, in
     /// lengths of the shortest edge of the triangle that holds the foot; infinity never. F2 and F3
     /// only.
@@ -61,7 +58,6 @@ impl Default for AirParams {
             max_distance: 0.03,
             min_gap: 1e-3,
             max_gap: 5e-3,
-            search_every: 0,
             search_slide: 0.5,
         }
     }
@@ -136,7 +132,6 @@ pub struct Air<'a> {
     pairs: Vec<Pair>,
     /// The vertices that were pushed in this substep, and along which unit vector.
     pushed: Vec<(u32, Vector)>,
-    substeps: u32,
     /// Whether positions have jumped, so that all feet must be searched again.
     jumped: bool,
     counters: Counters,
@@ -164,15 +159,8 @@ impl<'a> Air<'a> {
                 .map_err(|e| e.at(vertex))?;
         }
         let counters = Counters::default();
-        let mut air = Self {
-            inner,
-            params,
-            pairs: Vec::new(),
-            pushed: Vec::new(),
-            substeps: 0,
-            jumped: false,
-            counters,
-        };
+        let mut air =
+            Self { inner, params, pairs: Vec::new(), pushed: Vec::new(), jumped: false, counters };
         for (v, (p, &weight)) in positions.iter().zip(masks).enumerate() {
             if weight <= 0.0 {
                 air.counters.skipped_by_mask += 1;
@@ -214,10 +202,7 @@ impl<'a> Air<'a> {
         if !matches!(self.params.reading, AirReading::GapPreserving | AirReading::Element) {
             return;
         }
-        self.substeps += 1;
-        let due =
-            self.params.search_every > 0 && self.substeps.is_multiple_of(self.params.search_every);
-        let all = due || std::mem::take(&mut self.jumped);
+        let all = std::mem::take(&mut self.jumped);
         for pair in &mut self.pairs {
             let p = positions[pair.vertex as usize];
             let d = p - pair.foot;
@@ -415,28 +400,21 @@ mod tests {
         let all = All(flat.with_vertices(bent).unwrap());
         let inner = InnerSurface::new(&all.0, &all);
         for reading in [AirReading::GapPreserving, AirReading::Element] {
-            for (slide, every, expected) in
-                [(0.5, 0, true), (Real::INFINITY, 1, true), (Real::INFINITY, 0, false)]
-            {
-                let params = AirParams {
-                    reading,
-                    search_slide: slide,
-                    search_every: every,
-                    ..Default::default()
-                };
+            for (slide, expected) in [(0.5, true), (Real::INFINITY, false)] {
+                let params = AirParams { reading, search_slide: slide, ..Default::default() };
                 let mut air =
                     Air::new(&inner, &[Point::new(0.03, 0.1, 0.001)], &[1.0], params).unwrap();
                 let slid = Point::new(0.16, 0.1, -0.04);
                 let mut p = vec![slid];
                 air.begin_substep(&p.clone(), &p.clone(), &[1.0], 1e-3);
                 air.project(&mut p, &[1.0], 1e-3);
-                assert_eq!(p[0] == slid, expected, "{reading:?} {slide} {every}: {}", p[0]);
+                assert_eq!(p[0] == slid, expected, "{reading:?} {slide}: {}", p[0]);
                 // A jump (teleport, roll-back) discards the foot in any case.
                 air.reset();
                 p[0] = slid;
                 air.begin_substep(&p.clone(), &p.clone(), &[1.0], 1e-3);
                 air.project(&mut p, &[1.0], 1e-3);
-                assert_eq!(p[0], slid, "{reading:?} {slide} {every} after a jump");
+                assert_eq!(p[0], slid, "{reading:?} {slide} after a jump");
             }
         }
     }

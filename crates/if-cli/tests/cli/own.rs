@@ -54,6 +54,7 @@ fn own_pairs_that_are_kept_are_an_error_with_strict_only() {
     folder.ifg(batch).expect(1);
     let again = folder.ifg(batch).expect(1);
     assert!(again.stdout.contains("finished before, clean between layers"), "{}", again.stdout);
+    assert!(again.stderr.contains("but not everywhere"), "{}", again.stderr);
     folder.ifg("fix a.toml b.toml --out batch --own keep").expect(0);
 }
 

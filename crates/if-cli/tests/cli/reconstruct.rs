@@ -198,6 +198,17 @@ fn frames_that_do_not_match_their_images_are_named_and_strict_exits_with_1() {
     assert!(words(&folder.ifg(&args).expect(0).stdout));
     assert!(words(&folder.ifg(&format!("{args} --strict --json")).expect(1).stderr));
     assert!(folder.path("w/garments/cap_trousers").exists());
+    // One that is far off is left out, which is said.
+    folder.ifg(&CAPTURE.replace("--out cap", "--out far")).expect(0);
+    let meta = folder.path("far/meta.json");
+    let mut far: Value = serde_json::from_slice(&std::fs::read(&meta).unwrap()).unwrap();
+    far["frames"][1]["root_t"] = json!([1.0, 0.0, 0.0]);
+    std::fs::write(&meta, far.to_string()).unwrap();
+    let run = folder.ifg(&args.replace("reconstruct cap", "reconstruct far")).expect(0);
+    assert!(run.stdout.contains("warning: in frame 1 the posed template"), "{}", run.stdout);
+    let strict = args.replace("reconstruct cap", "reconstruct far") + " --strict --json";
+    let strict = folder.ifg(&strict).expect(1);
+    assert!(strict.stderr.contains("; it is not used"), "{}", strict.stderr);
 }
 
 #[test]

@@ -266,3 +266,34 @@ fn triangles_are_turned_outwards_in_their_places() {
     let sheet = TriMesh::new(ball.vertices().to_vec(), ball.triangles()[..4].to_vec()).unwrap();
     assert!(turned_outwards(&sheet).is_none());
 }
+
+/// A closed tube, bent to a circle and a tenth more: its thin end lies in its thick beginning.
+#[test]
+fn one_closed_part_that_passes_into_itself_has_one_inside() {
+    let thick = |s: Real| if s < 0.5 { 0.15 } else { 0.15 - 0.22 * (s - 0.5) };
+    let middle = |s: Real| {
+        let (sin, cos) = (2.2 * std::f64::consts::PI * s).sin_cos();
+        (Point::new(0.5 * cos, 0.0, 0.5 * sin), Vector::new(cos, 0.0, sin))
+    };
+    let straight = tube(1.0, 1.0, 24, 120, true);
+    let bent = straight.vertices().iter().map(|p| {
+        let (at, out) = middle(p.y);
+        at + (out * p.x + Vector::y() * p.z) * thick(p.y)
+    });
+    let bent = straight.with_vertices(bent.collect()).unwrap();
+    let bent = if bent.signed_volume() > 0.0 { bent } else { flipped(&bent) };
+    assert!(is_closed(&bent, &Edges::new(&bent)));
+    assert!(surface(&bent).report().own_pairs > 20);
+    let layer = ClosedLayer::body(&bent);
+    let inside = |p: &Point| layer.sided(p, 0.0).is_some_and(|sided| sided.distance < 0.0);
+    // Around the thin end, beyond its skin, and within it.
+    for (k, s) in (0..40).map(|k| (k, 0.945 + 0.001 * Real::from(k % 10))) {
+        let (at, out) = middle(s);
+        let (sin, cos) = Real::from(k).sin_cos();
+        for beyond in [0.5, 1.3] {
+            let p = at + (out * cos + Vector::y() * sin) * (beyond * thick(s));
+            assert!(inside(&p), "{p} at {s}, {beyond}");
+        }
+    }
+    assert!(!inside(&Point::origin()) && !inside(&(middle(0.75).0 + Vector::y() * 0.2)));
+}

@@ -264,7 +264,7 @@ mod tests {
         }));
         // Some lie on others.
         points.extend_from_within(10..20);
-        let page = |v: u32| if v % 3 == 0 { [0, 1, v] } else { [1, 0, v] };
+        let page = |v: u32| if v.is_multiple_of(3) { [0, 1, v] } else { [1, 0, v] };
         let book = mesh(&points, &(2..72).map(page).collect::<Vec<_>>());
         let work = EditMesh::new(&book);
         let mut half_edges = HalfEdges::of_mesh(&book);

@@ -71,19 +71,21 @@ pub(super) fn withdraw_contradicted(
 }
 
 /// The plainest contradiction of a frame to the sums of all votes, and how plain it is: the share of
-/// what the frame sees of the true label, times the share of its votes for the other one.
+/// what the frame sees of the true label.
 fn plainest(own: &FrameVotes, votes: &[Real], labels: usize) -> Option<(Real, Contradiction)> {
     // called[true label · labels + label]: votes of the frame.
     let mut called = vec![0.0; labels * labels];
     let mut rest = vec![0.0; labels];
     for of_vertex in own.votes.chunk_by(|a, b| a.0 == b.0) {
-        rest.copy_from_slice(&votes[of_vertex[0].0 as usize * labels..][..labels]);
+        let all = &votes[of_vertex[0].0 as usize * labels..][..labels];
+        rest.copy_from_slice(all);
         of_vertex
             .iter()
             .for_each(|(_, label, vote)| rest[usize::from(*label)] -= Real::from(*vote));
         let truth = usize::from(winner(&rest));
         let sum: Real = of_vertex.iter().map(|(.., vote)| Real::from(*vote)).sum();
-        if rest[truth] >= SURE.max(sum) {
+        // Where its own votes turn the scale, who is right is not known.
+        if rest[truth] >= SURE.max(sum) && usize::from(winner(all)) == truth {
             for (_, label, vote) in of_vertex {
                 called[truth * labels + usize::from(*label)] += Real::from(*vote);
             }
@@ -95,7 +97,7 @@ fn plainest(own: &FrameVotes, votes: &[Real], labels: usize) -> Option<(Real, Co
         for label in (0..labels).filter(|l| *l != truth) {
             let wrong = called[truth * labels + label];
             let all: Real = (0..labels).map(|t| called[t * labels + label]).sum();
-            let plain = wrong / seen * (wrong / all);
+            let plain = wrong / seen;
             if wrong > MOST * seen
                 && wrong > LEAST * all
                 && plainest.is_none_or(|(most, _)| plain > most)

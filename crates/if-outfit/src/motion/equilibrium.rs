@@ -2,8 +2,7 @@
 
 use super::contact::Contact;
 use super::scene::Scene;
-use super::turn::turned;
-use if_core::math::{Point, Real, Vector};
+use if_core::math::{Point, Real, Vector, turned};
 use nalgebra::Matrix3;
 use std::collections::HashMap;
 

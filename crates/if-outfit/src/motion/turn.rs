@@ -1,7 +1,7 @@
 //! How the surface turns around each vertex between two states of the target.
 
 use super::scene::Scene;
-use if_core::math::{Point, Real, Vector};
+use if_core::math::{Point, Real, triangle_frame};
 use nalgebra::Matrix3;
 use rayon::prelude::*;
 
@@ -14,7 +14,7 @@ pub(super) fn turns(scene: &Scene, from: &[Point], to: &[Point]) -> Vec<Matrix3<
         .par_iter()
         .with_min_len(1024)
         .map(|t| {
-            let frame = |x: &[Point]| frame(t.map(|v| x[v as usize]));
+            let frame = |x: &[Point]| triangle_frame(t.map(|v| &x[v as usize]));
             Some(frame(to)? * frame(from)?.transpose())
         })
         .collect();
@@ -35,18 +35,4 @@ pub(super) fn turns(scene: &Scene, from: &[Point], to: &[Point]) -> Vec<Matrix3<
         sums[*v as usize] = sums[*kept as usize];
     }
     sums
-}
-
-/// Two directions in the plane of a triangle and its normal, as columns; `None` if it has no area.
-fn frame([a, b, c]: [Point; 3]) -> Option<Matrix3<Real>> {
-    let first = (b - a).try_normalize(0.0)?;
-    let normal = (b - a).cross(&(c - a)).try_normalize(0.0)?;
-    Some(Matrix3::from_columns(&[first, normal.cross(&first), normal]))
-}
-
-/// `v` turned, with its length.
-pub(super) fn turned(turn: &Matrix3<Real>, v: &Vector) -> Vector {
-    let to = turn * v;
-    let (old, new) = (v.norm(), to.norm());
-    if new > 0.0 { to * (old / new) } else { *v }
 }

@@ -3,7 +3,7 @@
 use super::outfit::SkinnedOutfit;
 use if_body::Pose;
 use if_body::skinning::{Affine, blends, pose_points};
-use if_core::math::{Point, Real, Vector};
+use if_core::math::{Point, Vector, turned};
 use if_core::nalgebra::Matrix3;
 
 /// The maps of all vertices from the rest pose to another.
@@ -47,13 +47,6 @@ impl PoseMaps {
         let one = |((map, t), u): ((&Affine, &Point), &Vector)| t + turned(&map.linear, u);
         self.0.iter().zip(target).zip(displacements).map(one).collect()
     }
-}
-
-/// `v` turned, with its length.
-fn turned(turn: &Matrix3<Real>, v: &Vector) -> Vector {
-    let to = turn * v;
-    let (old, new) = (v.norm(), to.norm());
-    if new > 0.0 { to * (old / new) } else { *v }
 }
 
 #[cfg(test)]

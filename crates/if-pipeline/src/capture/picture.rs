@@ -231,7 +231,7 @@ mod tests {
         let expected: Vec<bool> = (0..12).map(|i| i % 5 == 0).collect();
         let samples: Vec<u8> = expected.iter().map(|m| if *m { 255 } else { 0 }).collect();
         for transparent in [None, Some(vec![0, 0])] {
-            let mut encoder = Encoder::new(File::create(&path).unwrap(), 4, 3);
+            let mut encoder = Encoder::new(std::fs::File::create(&path).unwrap(), 4, 3);
             encoder.set_color(ColorType::Grayscale);
             encoder.set_depth(BitDepth::Eight);
             if let Some(grey) = transparent {

@@ -339,6 +339,12 @@ mod tests {
     }
 
     #[test]
+    fn what_no_frame_sees_counts_for_its_own_label() {
+        let (labels, seen) = ([2, 2, 1, 2, 2], [true, false, false, true, true]);
+        assert_eq!([1, 2, 3].map(|label| unseen(label, &labels, &seen)), [1.0, 0.25, 0.0]);
+    }
+
+    #[test]
     fn a_tunnel_to_another_garment_is_not_an_opening() {
         let (body, piece) = drum_with_a_tunnel(0.02);
         // The tunnel, too, bounds the other half of the body: the complement alone does not
