@@ -4,6 +4,7 @@ use crate::motion::{DrawnBack, drawn_back, pinched, room};
 use crate::outfit::{Layer, Outfit};
 use crate::params::GoalParams;
 use crate::report::{DrawnBackReport, Extent, PinchReport};
+use if_core::closest::ClosestPoint;
 use if_core::math::{Point, Real, area_vector};
 use if_core::mesh::TriMesh;
 use if_mesh::index::Bvh;
@@ -56,8 +57,11 @@ pub(crate) fn in_pinches(
     let inside = |layer: &Layer| {
         let used = layer.mesh.used_vertices();
         let is_inside = |v: &usize| {
-            let sided = closed.sided(&layer.mesh.vertices()[*v], 0.0);
-            sided.is_some_and(|s| s.distance < 0.0 && pinched[s.triangle as usize])
+            let p = &layer.mesh.vertices()[*v];
+            let nearest = || body.closest(p, Real::INFINITY);
+            // The way out may lead elsewhere.
+            closed.sided(p, 0.0).is_some_and(|sided| sided.distance < 0.0)
+                && nearest().is_some_and(|near| pinched[near.triangle as usize])
         };
         (0..used.len()).into_par_iter().filter(|v| used[*v]).filter(is_inside).count()
     };
