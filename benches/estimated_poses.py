@@ -109,7 +109,7 @@ def main():
                     "case": name, "poses": poses, "there_mm": f"{1e3 * there:.2f}", "back_mm": f"{1e3 * back:.2f}",
                     "mean_mm": f"{500 * (there + back):.2f}",
                     "openings": " ".join(str(g["openings"]) for g in said["garments"]),
-                    "missing": " ".join(said["missing"]), "processor_s": f"{seconds:.1f}", "exit_code": run.returncode,
+                    "missing": " ".join(said["missing"]), "processor_s": f"{seconds:.1f}",
                     "joints_before_mm": "" if "--camera" in noise else off(f"{copy}/meta.json", true),
                     "joints_after_mm": off(told, true) if os.path.exists(told) and "--camera" not in noise else "",
                 }

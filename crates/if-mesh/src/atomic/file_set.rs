@@ -68,8 +68,7 @@ impl FileSet {
     /// Writes into `partial`, on behalf of `whole`.
     fn in_hidden(out: &Path, partial: PathBuf, whole: &Path) -> Result<Self, FileSetError> {
         let fault = |source| FileSetError::Folder { path: out.into(), source };
-        let missing = |folder: &&Path| !folder.as_os_str().is_empty() && !folder.exists();
-        let made = out.ancestors().take_while(missing).map(Path::to_path_buf).collect();
+        let made = missing_folders(out);
         fs::create_dir_all(out).map_err(fault)?;
         let lock = lock(&partial).map_err(fault)?;
         let lock = lock.ok_or_else(|| FileSetError::Busy { path: whole.into() })?;
@@ -106,11 +105,8 @@ impl FileSet {
         let mut done = Vec::with_capacity(names.len());
         for name in names {
             let path = self.out.join(name);
-            match Moved::to(
-                path.clone(),
-                &self.path(name),
-                self.path(format!("{OLD}{}", done.len())),
-            ) {
+            let old = self.path(format!("{OLD}{}", done.len()));
+            match Moved::to(path.clone(), &self.path(name), old) {
                 Ok(moved) => done.push(moved),
                 Err(source) => {
                     done.into_iter().rev().for_each(Moved::undo);
@@ -141,17 +137,15 @@ impl Moved {
         match result {
             Ok(()) => Ok(moved),
             Err(error) => {
-                moved.remove_made();
+                remove_empty(&moved.made);
                 Err(error)
             }
         }
     }
 
     fn make_way(&mut self, old: PathBuf) -> io::Result<()> {
-        let missing = |folder: &&Path| !folder.as_os_str().is_empty() && !folder.exists();
-        let folders = self.path.ancestors().skip(1);
-        self.made = folders.take_while(missing).map(Path::to_path_buf).collect();
-        if let Some(folder) = self.made.first() {
+        if let Some(folder) = self.path.parent() {
+            self.made = missing_folders(folder);
             fs::create_dir_all(folder)?;
         }
         if self.path.exists() {
@@ -168,13 +162,20 @@ impl Moved {
             Some(old) => fs::rename(old, &self.path),
             None => fs::remove_file(&self.path),
         };
-        self.remove_made();
+        remove_empty(&self.made);
     }
+}
 
-    fn remove_made(&self) {
-        for folder in &self.made {
-            let _ = fs::remove_dir(folder);
-        }
+/// The folders on the way to `folder`, and itself, that are not there, innermost first.
+fn missing_folders(folder: &Path) -> Vec<PathBuf> {
+    let is_missing = |folder: &&Path| !folder.as_os_str().is_empty() && !folder.exists();
+    folder.ancestors().take_while(is_missing).map(Path::to_path_buf).collect()
+}
+
+/// Removes folders, innermost first, as far as they are empty.
+fn remove_empty(folders: &[PathBuf]) {
+    for folder in folders {
+        let _ = fs::remove_dir(folder);
     }
 }
 
@@ -198,9 +199,7 @@ impl Drop for FileSet {
     fn drop(&mut self) {
         // The next writer cleans up what cannot be removed here.
         let _ = fs::remove_dir_all(&self.partial);
-        for folder in &self.made {
-            let _ = fs::remove_dir(folder);
-        }
+        remove_empty(&self.made);
     }
 }
 
