@@ -72,11 +72,15 @@ impl Voxels {
 
     /// Makes all triangles of `mesh` walls, as [`Voxels::add_wall`] does.
     pub fn add_walls(&mut self, mesh: &TriMesh) {
+        let triangles = (0..mesh.triangles().len()).into_par_iter();
+        self.add_walls_of(triangles.map(|t| mesh.corners(t).map(|p| *p)));
+    }
+
+    /// Makes all `triangles` walls, as [`Voxels::add_wall`] does.
+    pub fn add_walls_of(&mut self, triangles: impl ParallelIterator<Item = [Point; 3]>) {
         let marks = Marks::new(self.states.len());
         let is_open = |at: usize| self.states[at] == Voxel::Inside && !marks.has(at);
-        (0..mesh.triangles().len())
-            .into_par_iter()
-            .for_each(|t| self.touched(mesh.corners(t), is_open, |at| marks.set(at)));
+        triangles.for_each(|t| self.touched(t.each_ref(), is_open, |at| marks.set(at)));
         self.set_marked(&marks, Voxel::Wall);
     }
 

@@ -42,11 +42,41 @@ pub(crate) struct Cloth<'a> {
     pub(crate) edges: Edges,
     pub(crate) neighbours: Neighbours,
     groups: ElasticGroups,
+    movable: Option<Movable>,
     solver: Solver,
     /// The solver's memory: positions and masses are exchanged with `x` and `inverse_masses`.
     particles: Particles,
     /// Sweeps made.
     pub(crate) sweeps: usize,
+}
+
+/// The constraints that can move something, of the last round.
+struct Movable {
+    groups: ElasticGroups,
+    inverse_masses: Vec<Real>,
+    compliances: Vec<Real>,
+}
+
+impl Movable {
+    /// Those of `all`, taken from the `last` ones if nothing has changed since.
+    fn of<'m>(
+        last: &'m mut Option<Self>,
+        all: &ElasticGroups,
+        inverse_masses: &[Real],
+    ) -> &'m mut ElasticGroups {
+        let compliances = all.anchors.compliances();
+        let is_current =
+            |m: &Self| m.inverse_masses == inverse_masses && m.compliances == compliances;
+        if !last.as_ref().is_some_and(is_current) {
+            *last = None;
+        }
+        let new = || Self {
+            groups: all.movable(inverse_masses),
+            inverse_masses: inverse_masses.to_vec(),
+            compliances: compliances.to_vec(),
+        };
+        &mut last.get_or_insert_with(new).groups
+    }
 }
 
 impl<'a> Cloth<'a> {
@@ -65,6 +95,7 @@ impl<'a> Cloth<'a> {
             x,
             inverse_masses: vec![0.0; n],
             ever_free: vec![false; n],
+            movable: None,
             solver: Solver::new(SolverParams::default()).expect("the defaults are in range"),
             particles: Particles { velocities: vec![Vector::zeros(); n], ..Particles::default() },
             sweeps: 0,
@@ -157,14 +188,13 @@ impl<'a> Cloth<'a> {
     ) -> Result<Real, StepError> {
         contacts.detect(&self.x, &self.inverse_masses, tree);
         contacts.detect_above(&self.x, &self.inverse_masses);
-        let Self { x, inverse_masses, solver, particles, .. } = self;
+        let Self { x, inverse_masses, solver, particles, groups, movable, .. } = self;
         // Own separations disturb the planes, and need a visit more.
         let visits = if contacts.self_separations.is_empty() { 1 } else { 2 };
         let sweeps = self.params.effort.sweeps;
         solver.set_params(quasi_static(sweeps as u32, visits, LAST_VISITS)).expect(IN_RANGE);
         let _phase = trace_span!("sweeps").entered();
-        let mut elastic = self.groups.movable(inverse_masses);
-        let mut groups = elastic.in_order();
+        let mut groups = Movable::of(movable, groups, inverse_masses).in_order();
         // Planes of layers above come before those of layers below, which win.
         groups.extend(contacts.in_order());
         let moved = step(solver, particles, x, inverse_masses, &mut groups)?;

@@ -1,7 +1,7 @@
 //! What keeps a garment outside the layers below, below those above, and off itself: the contact
 //! groups of the solver, and what repair strategies set in them.
 
-use crate::contacts::{ContactParams, Contacts, Exit};
+use crate::contacts::{ContactParams, Contacts, Exit, Garment};
 use crate::params::ResolveParams;
 use crate::upper_layers::UpperLayers;
 use crate::way::Way;
@@ -99,7 +99,7 @@ impl<'a> ContactGroups<'a> {
             exits[v] = if is_on_it { Exit::Planned } else { Exit::Steps };
             is_on_it
         });
-        search.detect(x, triangles, tree, gaps, inverse_masses, exits, below);
+        search.detect(Garment { x, triangles, tree, gaps, inverse_masses, exits }, below);
         for (v, normal, point) in &self.separating {
             below.push_vertex(*v, *normal, point, 0.0);
         }

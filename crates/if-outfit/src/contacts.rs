@@ -136,8 +136,9 @@ struct Plane {
 }
 
 /// Found in one chunk of samples: contacts, queries made, queries skipped.
-struct Found<T> {
-    contacts: Vec<T>,
+#[derive(Default)]
+struct Found {
+    contacts: Vec<(Sample, Plane)>,
     queries: usize,
     skipped: usize,
 }
@@ -165,8 +166,9 @@ impl ContactParams {
     }
 }
 
-/// Samples per task: enough work to hide the fork, few enough to balance.
-const CHUNK: usize = 256;
+/// Samples per task: enough work to hide the fork, few enough to balance where most samples of a task
+/// are queried and those of the next are held.
+const CHUNK: usize = 64;
 /// The triangles near a sample are kept if it moved by less than this since its last query, in
 /// metres: then the next one is near, too. Twice as much made no clear difference on an outfit of
 /// five layers; at ten times more most of those kept are not used again.
@@ -192,6 +194,30 @@ const SLIVER: Real = 0.05;
 /// Cosine between the nearest way out and the one on the scale of centimetres under which the
 /// nearest one leads through a wall.
 const SIDEWAYS: Real = 0.5;
+
+/// A garment as it is in one round.
+#[derive(Clone, Copy)]
+pub(crate) struct Garment<'a> {
+    /// Its vertices, and their triangles.
+    pub(crate) x: &'a [Point],
+    pub(crate) triangles: &'a [[u32; 3]],
+    /// Holds it at `x`.
+    pub(crate) tree: &'a Bvh,
+    /// The clearances of its vertices, in metres.
+    pub(crate) gaps: &'a [Real],
+    /// Vertices of inverse mass zero are held.
+    pub(crate) inverse_masses: &'a [Real],
+    /// How its vertices are led out.
+    pub(crate) exits: &'a [Exit],
+}
+
+/// What a search works with.
+#[derive(Clone, Copy)]
+struct Scene<'a> {
+    below: &'a [&'a ClosedLayer],
+    outward: &'a Outward,
+    params: ContactParams,
+}
 
 /// The search for contacts of one garment.
 pub(crate) struct Contacts<'a> {
@@ -303,22 +329,26 @@ impl<'a> Contacts<'a> {
         self.path += most;
     }
 
-    /// Fills `out` with the contacts of the garment at `x`. `tree` holds the garment at `x`; `gaps`
-    /// are the clearances of its vertices, in metres, and `exits` how they are led out;
-    /// vertices of inverse mass zero are held.
-    pub(crate) fn detect(
-        &mut self,
-        x: &[Point],
-        triangles: &[[u32; 3]],
-        tree: &Bvh,
-        gaps: &[Real],
-        inverse_masses: &[Real],
-        exits: &[Exit],
-        out: &mut HalfSpaces,
-    ) {
+    /// Fills `out` with the contacts of the `garment`.
+    pub(crate) fn detect(&mut self, garment: Garment<'_>, out: &mut HalfSpaces) {
         out.clear();
-        self.own_samples(x, gaps, inverse_masses, exits, out);
-        self.foreign_samples(x, triangles, tree, gaps, (inverse_masses, exits), out);
+        let scene = Scene { below: self.below, outward: self.outward, params: self.params };
+        let (path, foreign) = (self.path, &mut self.foreign);
+        let own = OwnSamples {
+            samples: &self.samples,
+            last_queries: &mut self.last_queries,
+            nearby: &mut self.nearby,
+            rests: &mut self.rests,
+        };
+        let foreign = || foreign_contacts(foreign, path, scene, garment);
+        let (own, foreign) = rayon::join(|| own.contacts(scene, garment), foreign);
+        for found in own.into_iter().chain(foreign) {
+            self.queries += found.queries;
+            self.skipped += found.skipped;
+            for (s, plane) in found.contacts {
+                out.push(s.vertices, s.weights, plane.normal, &plane.point, plane.gap);
+            }
+        }
     }
 
     /// For each vertex of a triangle, in ascending order, and for each layer the triangles near it,
@@ -326,26 +356,30 @@ impl<'a> Contacts<'a> {
     pub(crate) fn nearby_of_vertices(&mut self) -> &mut [Option<Box<Nearby>>] {
         &mut self.nearby[..self.single * self.below.len()]
     }
+}
 
-    fn own_samples(
-        &mut self,
-        x: &[Point],
-        gaps: &[Real],
-        inverse_masses: &[Real],
-        exits: &[Exit],
-        out: &mut HalfSpaces,
-    ) {
-        let (below, outward, params) = (self.below, self.outward, self.params);
+/// What is remembered of the own samples, to query them less often.
+struct OwnSamples<'a> {
+    samples: &'a [Sample],
+    last_queries: &'a mut [LastQuery],
+    nearby: &'a mut [Option<Box<Nearby>>],
+    rests: &'a mut [Rest],
+}
+
+impl OwnSamples<'_> {
+    /// The contacts of own samples, a chunk at a time.
+    fn contacts(self, scene: Scene<'_>, garment: Garment<'_>) -> Vec<Found> {
+        let Scene { below, outward, params } = scene;
+        let Garment { x, gaps, inverse_masses, exits, .. } = garment;
         let layers = below.len();
-        let found: Vec<Found<(u32, Plane)>> = self
-            .samples
+        self.samples
             .par_chunks(CHUNK)
             .zip(self.last_queries.par_chunks_mut(CHUNK * layers))
             .zip(self.nearby.par_chunks_mut(CHUNK * layers))
             .zip(self.rests.par_chunks_mut(CHUNK))
-            .enumerate()
-            .map(|(chunk, (((samples, last_queries), nearby), rests))| {
-                let mut found = Found { contacts: Vec::new(), queries: 0, skipped: 0 };
+            .with_max_len(1)
+            .map(|(((samples, last_queries), nearby), rests)| {
+                let mut found = Found::default();
                 for (k, (s, rest)) in samples.iter().zip(rests).enumerate() {
                     let held = s.is_held(inverse_masses) || s.is_planned(exits);
                     if params.skip && held {
@@ -372,9 +406,7 @@ impl<'a> Contacts<'a> {
                         }
                         found.queries += 1;
                         let plane = find_plane(&p, gap, exit, layer, outward, &params, (m, nearby));
-                        if let Some(plane) = plane.filter(|_| !held) {
-                            found.contacts.push(((chunk * CHUNK + k) as u32, plane));
-                        }
+                        found.contacts.extend(plane.filter(|_| !held).map(|plane| (*s, plane)));
                     }
                     if params.skip && !is_resting {
                         *rest = Rest::new(&p, gap, &last_queries[of_sample], below, &params);
@@ -382,103 +414,82 @@ impl<'a> Contacts<'a> {
                 }
                 found
             })
-            .collect();
-        for part in found {
-            self.queries += part.queries;
-            self.skipped += part.skipped;
-            for (k, plane) in part.contacts {
-                let s = &self.samples[k as usize];
-                out.push(s.vertices, s.weights, plane.normal, &plane.point, plane.gap);
-            }
-        }
+            .collect()
     }
+}
 
-    fn foreign_samples(
-        &mut self,
-        x: &[Point],
-        triangles: &[[u32; 3]],
-        tree: &Bvh,
-        gaps: &[Real],
-        (inverse_masses, exits): (&[Real], &[Exit]),
-        out: &mut HalfSpaces,
-    ) {
-        let (path, params) = (self.path, self.params);
-        let range = gaps.iter().copied().fold(0.0, Real::max) + params.margin;
-        let region = tree.aabb();
-        for (layer, last_queries) in self.below.iter().zip(&mut self.foreign) {
-            let found: Vec<Found<(Sample, Plane)>> = last_queries
-                .par_chunks_mut(CHUNK)
-                .enumerate()
-                .map(|(chunk, last_queries)| {
-                    let mut found = Found { contacts: Vec::new(), queries: 0, skipped: 0 };
-                    for (k, last) in last_queries.iter_mut().enumerate() {
-                        if params.skip && path + range < last.until {
-                            found.skipped += 1;
-                            continue;
-                        }
-                        let number = chunk * CHUNK + k;
-                        let v = layer.vertex(number);
-                        let away = region.distance_squared(&v).sqrt();
-                        if params.skip && away > range {
-                            last.until = path + away;
-                            found.skipped += 1;
-                            continue;
-                        }
-                        found.queries += 1;
-                        let hint = last.triangle.filter(|_| params.skip).map(|t| {
-                            distance_bound(&v, triangles[t as usize].map(|v| &x[v as usize]))
-                        });
-                        let reach = range + params.reserve;
-                        let Some(near) = tree.closest(&v, hint.unwrap_or(reach).min(reach)) else {
-                            last.until = path + reach;
-                            continue;
-                        };
-                        last.triangle = Some(near.triangle);
-                        if near.distance > range {
-                            last.until = path + near.distance;
-                            continue;
-                        }
-                        let sample = Sample {
-                            vertices: triangles[near.triangle as usize],
-                            weights: near.barycentric,
-                        };
-                        if near.barycentric.iter().any(|b| *b > CORNER)
-                            || sample.is_held(inverse_masses)
-                            || sample.is_planned(exits)
-                        {
-                            continue;
-                        }
-                        let [a, b, c] = sample.vertices.map(|v| &x[v as usize]);
-                        let area = area_vector(a, b, c);
-                        let longest = (a - b)
-                            .norm_squared()
-                            .max((b - c).norm_squared())
-                            .max((c - a).norm_squared());
-                        if area.norm() < SLIVER * longest {
-                            continue;
-                        }
-                        let face = unit_or_zero(&area);
-                        let over = face.dot(&(near.point - v));
-                        if face.dot(&layer.vertex_normal(number)) < POKES
-                            || over < -4.0 * params.step
-                        {
-                            continue;
-                        }
-                        let gap = sample.gap(gaps).min(over + params.step);
-                        found.contacts.push((sample, Plane { normal: face, point: v, gap }));
-                    }
-                    found
-                })
-                .collect();
-            for part in found {
-                self.queries += part.queries;
-                self.skipped += part.skipped;
-                for (s, plane) in part.contacts {
-                    out.push(s.vertices, s.weights, plane.normal, &plane.point, plane.gap);
-                }
+/// The contacts of foreign samples, a chunk of a layer at a time. `foreign` are the last queries of
+/// the layers below, and `path` is the length of the garment's path.
+fn foreign_contacts(
+    foreign: &mut [Vec<LastForeign>],
+    path: Real,
+    scene: Scene<'_>,
+    garment: Garment<'_>,
+) -> Vec<Found> {
+    let Scene { below, params, .. } = scene;
+    let Garment { x, triangles, tree, gaps, inverse_masses, exits } = garment;
+    let range = gaps.iter().copied().fold(0.0, Real::max) + params.margin;
+    let region = tree.aabb();
+    let in_chunk = |layer: &ClosedLayer, first: usize, last_queries: &mut [LastForeign]| {
+        let mut found = Found::default();
+        for (number, last) in (first..).zip(last_queries) {
+            if params.skip && path + range < last.until {
+                found.skipped += 1;
+                continue;
             }
+            let v = layer.vertex(number);
+            let away = region.distance_squared(&v).sqrt();
+            if params.skip && away > range {
+                last.until = path + away;
+                found.skipped += 1;
+                continue;
+            }
+            found.queries += 1;
+            let hint = last
+                .triangle
+                .filter(|_| params.skip)
+                .map(|t| distance_bound(&v, triangles[t as usize].map(|v| &x[v as usize])));
+            let reach = range + params.reserve;
+            let Some(near) = tree.closest(&v, hint.unwrap_or(reach).min(reach)) else {
+                last.until = path + reach;
+                continue;
+            };
+            last.triangle = Some(near.triangle);
+            if near.distance > range {
+                last.until = path + near.distance;
+                continue;
+            }
+            let vertices = triangles[near.triangle as usize];
+            let sample = Sample { vertices, weights: near.barycentric };
+            if near.barycentric.iter().any(|b| *b > CORNER)
+                || sample.is_held(inverse_masses)
+                || sample.is_planned(exits)
+            {
+                continue;
+            }
+            let [a, b, c] = sample.vertices.map(|v| &x[v as usize]);
+            let area = area_vector(a, b, c);
+            let longest =
+                (a - b).norm_squared().max((b - c).norm_squared()).max((c - a).norm_squared());
+            if area.norm() < SLIVER * longest {
+                continue;
+            }
+            let face = unit_or_zero(&area);
+            let over = face.dot(&(near.point - v));
+            if face.dot(&layer.vertex_normal(number)) < POKES || over < -4.0 * params.step {
+                continue;
+            }
+            let gap = sample.gap(gaps).min(over + params.step);
+            found.contacts.push((sample, Plane { normal: face, point: v, gap }));
         }
-    }
+        found
+    };
+    let in_layer = |(layer, last_queries): (&&ClosedLayer, &mut Vec<LastForeign>)| {
+        let chunks = last_queries.par_chunks_mut(CHUNK).enumerate().with_max_len(1);
+        let found = chunks.map(|(k, last_queries)| in_chunk(layer, k * CHUNK, last_queries));
+        found.collect::<Vec<_>>()
+    };
+    below.par_iter().zip(foreign).with_max_len(1).flat_map_iter(in_layer).collect()
 }
 
 /// The contact with one layer of a sample at `p` that is to be kept `gap` away.

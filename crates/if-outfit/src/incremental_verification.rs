@@ -59,6 +59,9 @@ pub(crate) struct IncrementalVerification<'a> {
 
 /// Share of moved triangles beyond which all are checked: then that is faster.
 const MANY: Real = 0.5;
+/// Vertices per task whose sides are found: those that moved lie together.
+const MIN_TASK: usize = 32;
+const MAX_TASK: usize = 128;
 
 impl<'a> IncrementalVerification<'a> {
     /// Verifies the input.
@@ -83,7 +86,8 @@ impl<'a> IncrementalVerification<'a> {
             own,
         };
         let mut nearby = vec![None; this.used.len() * below.len()];
-        this.update_sides(&is_used, &mut nearby);
+        let sides = this.sides(&is_used, &mut nearby);
+        this.set_sides(sides);
         let remaining = this.remaining();
         (this, remaining)
     }
@@ -102,28 +106,36 @@ impl<'a> IncrementalVerification<'a> {
         }
         self.verified.copy_from_slice(mesh.vertices());
         let triangles = MovedTriangles::new(mesh, &moved);
-        let (below, fans) = (self.below, &self.fans);
-        let (pairs, own) = (&mut self.pairs, &mut self.own);
-        if triangles.len() as Real > MANY * mesh.triangles().len() as Real {
-            let all_own = || own_pairs_with(mesh, tree, fans);
-            (*pairs, *own) = rayon::join(|| all_pairs(below, tree), all_own);
-        } else if !triangles.is_empty() {
-            let others = || {
-                below.par_iter().zip(pairs).for_each(|(layer, pairs)| {
-                    *pairs = pairs_after_motion(layer.bvh(), mesh, &triangles, pairs);
-                });
-            };
-            let own_again = || *own = own_pairs_after_motion(mesh, tree, fans, &triangles, own);
-            rayon::join(others, own_again);
+        let (below, fans, before) = (self.below, &self.fans, (&self.pairs, &self.own));
+        let are_many = triangles.len() as Real > MANY * mesh.triangles().len() as Real;
+        let others = || match are_many {
+            true => all_pairs(below, tree),
+            false => {
+                let after = |(layer, before): (&&ClosedLayer, &Vec<TrianglePair>)| {
+                    pairs_after_motion(layer.bvh(), mesh, &triangles, before)
+                };
+                below.par_iter().zip(before.0).map(after).collect()
+            }
+        };
+        let own = || match are_many {
+            true => own_pairs_with(mesh, tree, fans),
+            false => own_pairs_after_motion(mesh, tree, fans, &triangles, before.1),
+        };
+        if !triangles.is_empty() {
+            let sides = || self.sides(&moved, nearby);
+            let (sides, (pairs, own)) = rayon::join(sides, || rayon::join(others, own));
+            (self.pairs, self.own) = (pairs, own);
+            self.set_sides(sides);
         }
-        self.update_sides(&moved, nearby);
         self.remaining()
     }
 
-    fn update_sides(&mut self, moved: &[bool], nearby: &mut [Option<Box<Nearby>>]) {
-        let (below, verified, inside) = (self.below, &self.verified, &self.inside);
+    /// For each used vertex whether it is inside a layer below; those that have not `moved` are as
+    /// before.
+    fn sides(&self, moved: &[bool], nearby: &mut [Option<Box<Nearby>>]) -> Vec<bool> {
+        let below = self.below;
         let is_inside = |(v, nearby): (&u32, &mut [Option<Box<Nearby>>])| {
-            let (v, p) = (*v as usize, &verified[*v as usize]);
+            let (v, p) = (*v as usize, &self.verified[*v as usize]);
             let is_in = |(layer, nearby): (&&ClosedLayer, &mut Option<Box<Nearby>>)| {
                 let sided = match nearby {
                     Some(nearby) => layer.sided_nearby(p, 0.0, None, (nearby, false)),
@@ -131,10 +143,13 @@ impl<'a> IncrementalVerification<'a> {
                 };
                 sided.is_some_and(|s| s.distance < 0.0)
             };
-            if moved[v] { below.iter().zip(nearby).any(is_in) } else { inside[v] }
+            if moved[v] { below.iter().zip(nearby).any(is_in) } else { self.inside[v] }
         };
         let of_vertices = self.used.par_iter().zip(nearby.par_chunks_mut(below.len()));
-        let found: Vec<bool> = of_vertices.with_min_len(128).map(is_inside).collect();
+        of_vertices.with_min_len(MIN_TASK).with_max_len(MAX_TASK).map(is_inside).collect()
+    }
+
+    fn set_sides(&mut self, found: Vec<bool>) {
         for (v, is_inside) in self.used.iter().zip(found) {
             self.inside[*v as usize] = is_inside;
         }

@@ -82,6 +82,11 @@ impl Attachments {
         self.vertices.is_empty()
     }
 
+    /// The compliances β, in m/N, in the order of pushing.
+    pub fn compliances(&self) -> &[Real] {
+        &self.compliances
+    }
+
     /// Sets the compliance β, in m/N, of the attachment that was pushed as number `index` (from 0).
     ///
     /// # Errors
@@ -121,15 +126,17 @@ impl Constraint for Attachments {
             if softness == Real::INFINITY || w + softness <= 0.0 {
                 continue;
             }
-            let scale = match self.form {
-                LambdaForm::Xpbd => softness,
-                LambdaForm::Printed => self.compliances[k],
-                LambdaForm::Pbd => 0.0,
-            };
-            let c = positions[v] - self.targets[k] + self.lambda[k] * scale;
+            let mut c = positions[v] - self.targets[k];
+            match self.form {
+                LambdaForm::Xpbd => c += self.lambda[k] * softness,
+                LambdaForm::Printed => c += self.lambda[k] * self.compliances[k],
+                LambdaForm::Pbd => {}
+            }
             residual.add(c.norm());
             let delta = c * (-1.0 / (w + softness));
-            self.lambda[k] += delta;
+            if self.form != LambdaForm::Pbd {
+                self.lambda[k] += delta;
+            }
             positions[v] += delta * w;
         }
         residual

@@ -44,6 +44,10 @@ pub struct HalfSpaces {
     pub stage: Stage,
 }
 
+/// The weights of a sample that is its first vertex, and its lever.
+const VERTEX: [Real; 3] = [1.0, 0.0, 0.0];
+const LEVER_OF_VERTEX: Real = 1.0;
+
 impl Default for HalfSpaces {
     fn default() -> Self {
         Self {
@@ -116,7 +120,7 @@ impl HalfSpaces {
     /// Adds the contact of one vertex.
     #[inline]
     pub fn push_vertex(&mut self, vertex: u32, normal: Vector, q: &Point, gap: Real) {
-        self.push([vertex; 3], [1.0, 0.0, 0.0], normal, q, gap);
+        self.push([vertex; 3], VERTEX, normal, q, gap);
     }
 
     /// Signed distance of contact `k`'s sample over its gap, in metres: negative where violated.
@@ -143,7 +147,12 @@ impl HalfSpaces {
         let rubs = self.friction > 0.0 && self.anchors.len() == self.len();
         for k in 0..self.levels.len() {
             let (v, b, n) = (self.vertices[k], self.weights[k], self.normals[k]);
-            let x = sample(positions, &v, &b);
+            let is_vertex = b == VERTEX;
+            let x = if is_vertex {
+                positions[v[0] as usize].coords
+            } else {
+                sample(positions, &v, &b)
+            };
             let deficit = self.levels[k] - n.dot(&x);
             if deficit <= 0.0 {
                 continue;
@@ -153,12 +162,12 @@ impl HalfSpaces {
                 residual.max = deficit;
             }
             residual.sum_squares += deficit * deficit;
-            let w = [
-                inverse_masses[v[0] as usize],
-                inverse_masses[v[1] as usize],
-                inverse_masses[v[2] as usize],
-            ];
-            let sum = w[0] * b[0] * b[0] + w[1] * b[1] * b[1] + w[2] * b[2] * b[2];
+            let w = v.map(|v| inverse_masses[v as usize]);
+            let sum = if is_vertex {
+                w[0]
+            } else {
+                w[0] * b[0] * b[0] + w[1] * b[1] * b[1] + w[2] * b[2] * b[2]
+            };
             if sum <= 0.0 {
                 continue;
             }
@@ -168,14 +177,18 @@ impl HalfSpaces {
                 let slid = x - self.anchors[k].coords;
                 push -= friction(&(slid - n * n.dot(&slid)), self.friction * depth);
             }
-            if self.max_lever < Real::INFINITY {
+            if self.max_lever < LEVER_OF_VERTEX || !is_vertex && self.max_lever < Real::INFINITY {
                 let lever = (0..3).map(|c| w[c] * b[c]).fold(0.0, Real::max) / sum;
                 if lever > self.max_lever {
                     push *= self.max_lever / lever;
                 }
             }
-            for c in 0..3 {
-                positions[v[c] as usize] += push * (w[c] * b[c] / sum);
+            if is_vertex {
+                positions[v[0] as usize] += push;
+            } else {
+                for c in 0..3 {
+                    positions[v[c] as usize] += push * (w[c] * b[c] / sum);
+                }
             }
             self.pushed[k] = true;
         }

@@ -24,6 +24,11 @@ pub struct StrainLimit {
     max: Real,
 }
 
+/// Factors beyond which rounding cannot hide that a squared length is within its bounds: most edges
+/// need no square root.
+const WELL_ABOVE: Real = 1.0 + 1e-12;
+const WELL_BELOW: Real = 1.0 - 1e-12;
+
 impl StrainLimit {
     /// Limits on `edges`: lengths between `min` and `max` times the rest length. `max` may be
     /// infinite.
@@ -71,12 +76,17 @@ impl Constraint for StrainLimit {
         for k in 0..self.edges.len() {
             let (i, j) = (self.edges.a[k] as usize, self.edges.b[k] as usize);
             let d = positions[i] - positions[j];
-            let length = d.norm();
             let rest = self.edges.rest[k];
-            let c = if length > self.max * rest {
-                self.max * rest - length
-            } else if length < self.min * rest {
-                self.min * rest - length
+            let (shortest, longest) = (self.min * rest, self.max * rest);
+            let squared = d.norm_squared();
+            if squared > shortest * shortest * WELL_ABOVE && squared < longest * longest * WELL_BELOW {
+                continue;
+            }
+            let length = squared.sqrt();
+            let c = if length > longest {
+                longest - length
+            } else if length < shortest {
+                shortest - length
             } else {
                 continue;
             };

@@ -6,7 +6,7 @@ use super::materials::without_comment;
 use super::obj_mesh::ObjMesh;
 use crate::attributes::{Column, Property};
 use crate::ply::{CoordinateType, PlyMesh};
-use std::collections::BTreeSet;
+use std::collections::{BTreeSet, HashMap};
 
 /// What a PLY file cannot hold of an OBJ file, as messages for users.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
@@ -87,13 +87,14 @@ pub fn to_ply(obj: &ObjMesh) -> Result<(PlyMesh, Vec<Lost>), ReadError> {
     let statements = Statements::of(&obj.text);
     if !statements.materials.is_empty() {
         let mut names: Vec<&str> = Vec::new();
+        let mut numbers = HashMap::new();
         let mut changes = Vec::new();
         for (at, name) in &statements.materials {
-            let k = names.iter().position(|n| n == name).unwrap_or_else(|| {
+            let number = *numbers.entry(name.as_str()).or_insert_with(|| {
                 names.push(name);
-                names.len() - 1
+                names.len() as i32 - 1
             });
-            changes.push((*at, k as i32));
+            changes.push((*at, number));
         }
         let of = |face: usize| match changes.partition_point(|c| c.0 < face) {
             0 => -1,

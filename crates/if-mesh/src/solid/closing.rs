@@ -24,6 +24,9 @@ const BEHIND: Real = 1.5;
 /// Maximum length of curtains, as a share of the body's height; a loop farther away has a cap only.
 const CURTAIN: Real = 0.25;
 
+/// Curtains and parts of caps per task: each may lead through many voxels.
+const TASK: usize = 16;
+
 /// Distances along a normal, in voxels, at which a voxel without a wall is searched.
 pub(super) const PROBES: [Real; 5] = [0.8, 1.2, 1.7, 2.2, 2.8];
 
@@ -42,9 +45,10 @@ pub(super) fn closed_voxels(
     voxels.add_walls(mesh);
     cast_shadow(&mut voxels, mesh, edges, body.skin(), height * SHADOW);
     voxels.add_walls(body.surface().map_or(body_mesh, BodySurface::closed));
-    for walk in edges.boundary_loops(mesh) {
-        close_loop(&mut voxels, mesh, &walk, body, height * CURTAIN);
-    }
+    let loops = edges.boundary_loops(mesh);
+    let closing: Vec<[Point; 3]> =
+        loops.iter().flat_map(|walk| closing(mesh, walk, body, height * CURTAIN)).collect();
+    voxels.add_walls_of(closing.into_par_iter().with_max_len(TASK));
     match body.surface() {
         Some(surface) => voxels.flood(|p| !surface.contains(p)),
         None => {
@@ -150,11 +154,11 @@ fn segments(
     })
 }
 
-/// Adds curtains from the loop to the body, and a cap over the loop.
+/// Curtains from the loop to the body, and a cap over the loop.
 ///
 /// Where parts of the body are not there, the nearest part may be a hand beside a hem: curtains
 /// then lead towards the middle of the loop only.
-fn close_loop(voxels: &mut Voxels, mesh: &TriMesh, walk: &[u32], body: &ClosedLayer, reach: Real) {
+fn closing(mesh: &TriMesh, walk: &[u32], body: &ClosedLayer, reach: Real) -> Vec<[Point; 3]> {
     let rim: Vec<Point> = walk.iter().map(|v| mesh.vertices()[*v as usize]).collect();
     let middle = Point::from(rim.iter().map(|p| p.coords).sum::<Vector>() / rim.len() as Real);
     let feet: Vec<Option<Point>> =
@@ -162,17 +166,18 @@ fn close_loop(voxels: &mut Voxels, mesh: &TriMesh, walk: &[u32], body: &ClosedLa
     let inwards_only = body.surface().is_some_and(BodySurface::is_incomplete);
     let is_curtain =
         |k: usize, foot: &Point| !inwards_only || (foot - rim[k]).dot(&(middle - rim[k])) > 0.0;
+    let mut triangles = Vec::with_capacity(3 * rim.len());
     for k in 0..rim.len() {
         let next = (k + 1) % rim.len();
-        voxels.add_wall([&rim[k], &rim[next], &middle]);
-        if let (Some(a), Some(b)) = (&feet[k], &feet[next])
-            && is_curtain(k, a)
-            && is_curtain(next, b)
+        triangles.push([rim[k], rim[next], middle]);
+        if let (Some(a), Some(b)) = (feet[k], feet[next])
+            && is_curtain(k, &a)
+            && is_curtain(next, &b)
         {
-            voxels.add_wall([&rim[k], &rim[next], b]);
-            voxels.add_wall([&rim[k], b, a]);
+            triangles.extend([[rim[k], rim[next], b], [rim[k], b, a]]);
         }
     }
+    triangles
 }
 
 #[cfg(test)]

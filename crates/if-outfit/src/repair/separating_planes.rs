@@ -5,6 +5,7 @@ use crate::progress::GarmentProgress;
 use crate::separating_plane::least_motion_plane;
 use crate::workpiece::{SettleError, Workpiece};
 use if_core::math::{Point, Real};
+use rayon::prelude::*;
 use std::collections::BTreeMap;
 use std::ops::ControlFlow;
 
@@ -13,6 +14,8 @@ use std::ops::ControlFlow;
 const KEPT: u32 = 8;
 /// A triangle that was found intersecting k times may move by k steps, up to this many.
 const MAX_STEPS: u32 = 6;
+/// Pairs per task: a plane takes some microseconds.
+const TASK: usize = 8;
 
 /// Moves each triangle that intersects a layer below beyond a plane between the two triangles: the
 /// one with the least motion of those that lead outwards.
@@ -48,25 +51,27 @@ impl Repair for SeparatingPlanes {
 impl SeparatingPlanes {
     fn set_planes(&self, work: &mut Workpiece<'_>) {
         let scene = work.scene;
-        let Workpiece { cloth, contacts, .. } = work;
-        contacts.separating.clear();
-        for &(layer, a, b) in self.pairs.keys() {
+        let x = &work.cloth.x;
+        let planes = |&(layer, a, b): &(usize, u32, u32)| {
             let corners = scene.garment.mesh.triangles()[b as usize];
-            let t = corners.map(|v| cloth.x[v as usize]);
+            let t = corners.map(|v| x[v as usize]);
             let middle = Point::from((t[0].coords + t[1].coords + t[2].coords) / 3.0);
             let layer = scene.below[layer];
             // In a fold the coarse way out is the right one; far from all it is unknown.
             let nearest = || layer.sided(&middle, Real::INFINITY).map(|s| s.normal);
-            let Some(out) = scene.outward.direction(&middle).or_else(nearest) else { continue };
+            let out = scene.outward.direction(&middle).or_else(nearest)?;
             let (normal, level) = least_motion_plane(&t, &layer.corners(a), &out);
             let steps = Real::from(self.found[&b].min(MAX_STEPS));
             let step = scene.params.effort.separation_step * steps;
-            for v in corners {
-                let height = normal.dot(&cloth.x[v as usize].coords);
+            Some(corners.map(|v| {
+                let height = normal.dot(&x[v as usize].coords);
                 let wanted = (level + SEPARATION).min(height + step);
-                contacts.separating.push((v, normal, Point::from(normal * wanted)));
-            }
-        }
+                (v, normal, Point::from(normal * wanted))
+            }))
+        };
+        let pairs: Vec<_> = self.pairs.keys().collect();
+        let found: Vec<_> = pairs.into_par_iter().with_min_len(TASK).filter_map(planes).collect();
+        work.contacts.separating = found.into_iter().flatten().collect();
     }
 }
 
