@@ -7,7 +7,7 @@ Renders the captures of docs/evidence/reconstruction.md (24 frames of 256², or 
 0.3, clothes that move), takes copies whose poses, normals, camera or template are off, and reconstructs each twice: poses
 taken as exact (where the camera is), and refined. A row for each: distance from the truth by compare.py's measure,
 openings, and, where the camera is exact, errors of the joints before and after, mean / 95th percentile. --only takes the
-cases whose names hold a TEXT.
+cases whose names hold a TEXT. Residuals are those of the program's own report: median / largest of the frames.
 Needs: pip install numpy scipy libigl meshio pillow
 """
 import argparse
@@ -69,6 +69,11 @@ def main():
         errors = 1e3 * np.linalg.norm(joints(path) - truth, axis=2)
         return f"{errors.mean():.1f} / {np.percentile(errors, 95):.1f}"
 
+    def spread(residual, said):
+        """Median and largest of the frames' residuals."""
+        values = [frame["residual"][residual] for frame in said["surface"]["quality"]["frames"]]
+        return f"{np.median(values):.1f} / {max(values):.1f}"
+
     python = [sys.executable]
     with tempfile.TemporaryDirectory() as scratch, open(a.out, "w", newline="") as file:
         writer = None
@@ -110,6 +115,8 @@ def main():
                     "mean_mm": f"{500 * (there + back):.2f}",
                     "openings": " ".join(str(g["openings"]) for g in said["garments"]),
                     "missing": " ".join(said["missing"]), "processor_s": f"{seconds:.1f}",
+                    "silhouettes_mm": spread("silhouette_mm", said), "normals_degrees": spread("normal_degrees", said),
+                    "doubted_frames": len({doubt["frame"] for doubt in said["surface"]["quality"]["doubts"]}),
                     "joints_before_mm": "" if "--camera" in noise else off(f"{copy}/meta.json", true),
                     "joints_after_mm": off(told, true) if os.path.exists(told) and "--camera" not in noise else "",
                 }

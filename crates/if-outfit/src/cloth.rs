@@ -238,3 +238,31 @@ pub(crate) fn step(
     std::mem::swap(&mut particles.inverse_masses, inverse_masses);
     Ok(report?.moved)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use if_core::shapes::meshes::cloth;
+
+    #[test]
+    fn constraints_are_taken_from_the_last_round_only_if_nothing_has_changed() {
+        let mesh = cloth(0.3, 0.2, 6, 4);
+        let params = ResolveParams::default();
+        let (tree, edges) = (Bvh::new(&mesh), Edges::new(&mesh));
+        let mut all = ElasticGroups::new(&mesh, &tree, &edges, &params.cloth);
+        let mut masses = vec![1.0; 35];
+        let mut last = None;
+        // A mark that a new one does not have.
+        let mark = |groups: &mut ElasticGroups| groups.anchors.set_compliance(0, 77.0).unwrap();
+        let is_marked = |groups: &ElasticGroups| groups.anchors.compliances()[0] == 77.0;
+        mark(Movable::of(&mut last, &all, &masses));
+        assert!(is_marked(Movable::of(&mut last, &all, &masses)));
+        masses[3] = 0.0;
+        let groups = Movable::of(&mut last, &all, &masses);
+        assert!(!is_marked(groups) && groups.anchors.len() == 34);
+        mark(groups);
+        all.anchors.set_compliance(5, 2.5).unwrap();
+        let groups = Movable::of(&mut last, &all, &masses);
+        assert!(!is_marked(groups) && groups.anchors.compliances()[4] == 2.5);
+    }
+}

@@ -148,11 +148,8 @@ impl HalfSpaces {
         for k in 0..self.levels.len() {
             let (v, b, n) = (self.vertices[k], self.weights[k], self.normals[k]);
             let is_vertex = b == VERTEX;
-            let x = if is_vertex {
-                positions[v[0] as usize].coords
-            } else {
-                sample(positions, &v, &b)
-            };
+            let x =
+                if is_vertex { positions[v[0] as usize].coords } else { sample(positions, &v, &b) };
             let deficit = self.levels[k] - n.dot(&x);
             if deficit <= 0.0 {
                 continue;
@@ -344,6 +341,29 @@ mod tests {
         // Each takes 4 % of what is missing: ln(1e8) / 0.04 visits and some. At once, it is thrown
         // by ten metres in the first.
         assert!(visits > 400 && (p[0], p[2]) == (start[0], start[2]));
+    }
+
+    #[test]
+    fn a_vertex_and_a_sample_that_is_one_move_alike() {
+        for max_lever in [Real::INFINITY, 4.0, 0.5] {
+            let mut contacts = HalfSpaces { max_lever, friction: 0.3, ..HalfSpaces::new() };
+            let n = Vector::new(0.6, 0.0, 0.8);
+            // The second one is not exactly a vertex.
+            for (v, weights) in [(0, VERTEX), (1, [1.0, 1e-300, 0.0])] {
+                contacts.push([v; 3], weights, n, &Point::new(0.1, 0.2, 0.3), 0.01);
+            }
+            let start = vec![Point::new(0.5, -0.25, 0.125); 2];
+            let mut p = vec![Point::new(0.375, -0.5, 0.0); 2];
+            let w = [0.5; 2];
+            contacts.begin_substep(&start, &p, &w, 0.01);
+            contacts.project(&mut p, &w);
+            if max_lever > 1.0 {
+                assert_relative_eq!(contacts.clearance(0, &p), 0.0, epsilon = 1e-15);
+            } else {
+                assert!(contacts.clearance(0, &p) < -1e-3);
+            }
+            assert_relative_eq!(p[0], p[1], epsilon = 1e-15);
+        }
     }
 
     #[test]
