@@ -105,7 +105,7 @@ impl<'a> ContactGroups<'a> {
         }
         for way in &*ways_out {
             let p = &x[way.vertex as usize];
-            let push = (way.left(p) + gaps[way.vertex as usize]).min(search.params.leap());
+            let push = (way.left(p) + gaps[way.vertex as usize]).min(search.params().leap());
             below.push_vertex(way.vertex, way.direction, p, push);
         }
     }
