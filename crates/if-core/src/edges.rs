@@ -2,6 +2,7 @@
 
 use crate::mesh::TriMesh;
 use crate::rows::Rows;
+use crate::union_find::UnionFind;
 
 /// No triangle: the second side of a boundary edge.
 pub const NONE: u32 = u32::MAX;
@@ -32,20 +33,9 @@ pub fn parts(mesh: &TriMesh) -> Vec<u32> {
 ///
 /// If an edge names a vertex that is not below `vertex_count`.
 pub fn parts_by_edges(edges: impl IntoIterator<Item = [u32; 2]>, vertex_count: usize) -> Vec<u32> {
-    let mut parent: Vec<u32> = (0..vertex_count as u32).collect();
-    fn root(parent: &mut [u32], mut v: u32) -> u32 {
-        while parent[v as usize] != v {
-            parent[v as usize] = parent[parent[v as usize] as usize];
-            v = parent[v as usize];
-        }
-        v
-    }
-    for [a, b] in edges {
-        let (a, b) = (root(&mut parent, a), root(&mut parent, b));
-        // The smaller index stays the root: the same result in any order.
-        parent[a.max(b) as usize] = a.min(b);
-    }
-    (0..parent.len() as u32).map(|v| root(&mut parent, v)).collect()
+    let mut parts = UnionFind::new(vertex_count);
+    edges.into_iter().for_each(|[a, b]| parts.join(a, b));
+    parts.into_firsts()
 }
 
 /// Number of parts of a mesh ([`parts`]).
@@ -115,6 +105,23 @@ impl Edges {
     /// Whether there are no edges.
     pub fn is_empty(&self) -> bool {
         self.vertices.is_empty()
+    }
+
+    /// For each edge by how many more triangles run along it from its smaller to its larger vertex than
+    /// back: 0 where neighbours wind alike, and everywhere on a closed surface.
+    ///
+    /// # Panics
+    ///
+    /// If the edges are not those of `mesh`.
+    pub fn balance(&self, mesh: &TriMesh) -> Vec<i32> {
+        let mut balance = vec![0; self.len()];
+        for (corners, of_triangle) in mesh.triangles().iter().zip(&self.of_triangle) {
+            for k in 0..3 {
+                let forward = corners[k] < corners[(k + 1) % 3];
+                balance[of_triangle[k] as usize] += if forward { 1 } else { -1 };
+            }
+        }
+        balance
     }
 
     /// For each of `vertex_count` vertices, whether a boundary edge ends there.

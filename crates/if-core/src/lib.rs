@@ -42,6 +42,7 @@ pub mod parameter;
 mod pointers;
 pub mod rows;
 pub mod shapes;
+pub mod union_find;
 
 pub use aabb::Aabb;
 pub use closest::{Closest, ClosestPoint};

@@ -183,6 +183,20 @@ impl TriMesh {
         used
     }
 
+    /// Which triangles are `marked`, or share a vertex with one that is.
+    ///
+    /// # Panics
+    ///
+    /// If there are fewer marks than triangles.
+    pub fn with_neighbours(&self, marked: &[bool]) -> Vec<bool> {
+        assert!(marked.len() >= self.triangles.len(), "a mark for each triangle");
+        let mut at = vec![false; self.vertices.len()];
+        for (corners, _) in self.triangles.iter().zip(marked).filter(|(_, marked)| **marked) {
+            corners.iter().for_each(|v| at[*v as usize] = true);
+        }
+        self.triangles.iter().map(|corners| corners.iter().any(|v| at[*v as usize])).collect()
+    }
+
     /// Sum of the triangles' areas, in square metres.
     pub fn area(&self) -> Real {
         (0..self.triangles.len())

@@ -97,14 +97,7 @@ pub(crate) struct BodySide {
 
 /// Whether the mesh is a body without any assumption: one closed part, wound outwards.
 pub fn is_closed(mesh: &TriMesh, edges: &Edges) -> bool {
-    let mut balance = vec![0i32; edges.len()];
-    for (corners, of_triangle) in mesh.triangles().iter().zip(&edges.of_triangle) {
-        for k in 0..3 {
-            balance[of_triangle[k] as usize] +=
-                if corners[k] < corners[(k + 1) % 3] { 1 } else { -1 };
-        }
-    }
-    if balance.iter().any(|b| *b != 0) || mesh.signed_volume() <= 0.0 {
+    if edges.balance(mesh).iter().any(|b| *b != 0) || mesh.signed_volume() <= 0.0 {
         return false;
     }
     let part_of = parts(mesh);

@@ -4,6 +4,7 @@
 use if_core::edges::{Edges, NONE};
 use if_core::math::Point;
 use if_core::mesh::TriMesh;
+use if_core::union_find::UnionFind;
 
 /// A mesh with its seams welded ([`weld`]).
 #[derive(Clone, Debug, PartialEq)]
@@ -63,9 +64,10 @@ pub fn weld(mesh: &TriMesh) -> Option<Welded> {
     let n = mesh.vertices().len();
     let used = mesh.used_vertices();
     let first_at = coincident_vertices(mesh.vertices());
-    let mut joined: Vec<u32> = (0..n as u32).collect();
-    let (edges, repeated) =
-        first_at.as_ref().map_or((0, 0), |first_at| join(mesh, first_at, &mut joined));
+    let (joined, edges, repeated) = match &first_at {
+        Some(first_at) => join(mesh, first_at),
+        None => ((0..n as u32).collect(), 0, 0),
+    };
     if edges + repeated == 0 && used.iter().all(|u| *u) {
         return None;
     }
@@ -114,9 +116,9 @@ struct Border {
     across: u32,
 }
 
-/// Unites in `joined` the ends of coincident boundary edges, and the corners of coincident triangles: each
-/// vertex refers to the first of its group. Returns the numbers of welded edges and of repeated triangles.
-fn join(mesh: &TriMesh, first_at: &[u32], joined: &mut [u32]) -> (usize, usize) {
+/// Joins the ends of coincident boundary edges, and the corners of coincident triangles: returns for each
+/// vertex the first of its group, and the numbers of welded edges and of repeated triangles.
+fn join(mesh: &TriMesh, first_at: &[u32]) -> (Vec<u32>, usize, usize) {
     let edges = Edges::new(mesh);
     let repeats = coincident_triangles(mesh, first_at);
     let mut is_repeated = vec![false; mesh.triangles().len()];
@@ -139,13 +141,7 @@ fn join(mesh: &TriMesh, first_at: &[u32], joined: &mut [u32]) -> (usize, usize) 
         }
     }
     borders.sort_unstable();
-    fn first(joined: &mut [u32], mut v: u32) -> u32 {
-        while joined[v as usize] != v {
-            joined[v as usize] = joined[joined[v as usize] as usize];
-            v = joined[v as usize];
-        }
-        v
-    }
+    let mut joined = UnionFind::new(mesh.vertices().len());
     let mut welded = 0;
     for run in borders.chunk_by(|a, b| a.positions == b.positions) {
         if let [back, forth] = run
@@ -154,10 +150,7 @@ fn join(mesh: &TriMesh, first_at: &[u32], joined: &mut [u32]) -> (usize, usize) 
             && back.across != forth.across
         {
             welded += 1;
-            for k in 0..2 {
-                let (a, b) = (first(joined, back.ends[k]), first(joined, forth.ends[k]));
-                joined[a.max(b) as usize] = a.min(b);
-            }
+            (0..2).for_each(|k| joined.join(back.ends[k], forth.ends[k]));
         }
     }
     let mut repeated = 0;
@@ -168,12 +161,11 @@ fn join(mesh: &TriMesh, first_at: &[u32], joined: &mut [u32]) -> (usize, usize) 
             let at_same = |u: &&u32| first_at[**u as usize] == first_at[v as usize];
             let other = *others.iter().find(at_same).expect("the positions are the same");
             is_new |= other != v;
-            let (a, b) = (first(joined, v), first(joined, other));
-            joined[a.max(b) as usize] = a.min(b);
+            joined.join(v, other);
         }
         repeated += usize::from(is_new);
     }
-    (0..joined.len() as u32).for_each(|v| joined[v as usize] = first(joined, v));
+    let mut joined = joined.into_firsts();
     // A needle at the seam may now have two corners in one vertex: such vertices stay separate.
     let mut separate = vec![false; joined.len()];
     for t in mesh.triangles() {
@@ -189,7 +181,7 @@ fn join(mesh: &TriMesh, first_at: &[u32], joined: &mut [u32]) -> (usize, usize) 
             .into_iter()
             .for_each(|v| joined[v] = v as u32);
     }
-    (welded, repeated)
+    (joined, welded, repeated)
 }
 
 /// The triangles whose three positions, all distinct, are those of an earlier one, and the first of these.

@@ -11,6 +11,7 @@ use crate::seams::coincident_vertices;
 use if_core::edges::{Edges, VertexTriangles};
 use if_core::math::{Point, Real, area_vector};
 use if_core::mesh::TriMesh;
+use if_core::union_find::UnionFind;
 use std::collections::{HashMap, HashSet};
 
 /// Whether the mesh has no defect ([`Fault::is_defect`]).
@@ -144,21 +145,13 @@ fn same_direction(mesh: &TriMesh, ends: [u32; 2], a: u32, b: u32) -> bool {
 /// although its edges may be. Triangles at an edge of three or more count as one fan.
 pub fn bow_ties(mesh: &TriMesh, edges: &Edges) -> Vec<u32> {
     let fans = VertexTriangles::new(mesh);
-    // Union-find over the triangles around a vertex.
-    let mut group: Vec<usize> = Vec::new();
-    fn root(group: &[usize], mut k: usize) -> usize {
-        while group[k] != k {
-            k = group[k];
-        }
-        k
-    }
+    let mut around_vertex = UnionFind::default();
     let mut found = Vec::new();
     for v in 0..mesh.vertices().len() {
         let around = fans.of(v);
-        group.clear();
-        group.extend(0..around.len());
-        let mut ends: Vec<(u32, usize)> = Vec::with_capacity(2 * around.len());
-        for (k, t) in around.iter().enumerate() {
+        around_vertex.reset(around.len());
+        let mut ends: Vec<(u32, u32)> = Vec::with_capacity(2 * around.len());
+        for (k, t) in (0..).zip(around) {
             let at_vertex = edges.of_triangle[*t as usize]
                 .into_iter()
                 .filter(|e| edges.vertices[*e as usize].contains(&(v as u32)));
@@ -166,10 +159,9 @@ pub fn bow_ties(mesh: &TriMesh, edges: &Edges) -> Vec<u32> {
         }
         ends.sort_unstable();
         for pair in ends.windows(2).filter(|p| p[0].0 == p[1].0) {
-            let (a, b) = (root(&group, pair[0].1), root(&group, pair[1].1));
-            group[a.max(b)] = a.min(b);
+            around_vertex.join(pair[0].1, pair[1].1);
         }
-        if (0..group.len()).filter(|k| group[*k] == *k).count() > 1 {
+        if around_vertex.count() > 1 {
             found.push(v as u32);
         }
     }

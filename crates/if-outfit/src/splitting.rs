@@ -38,7 +38,8 @@ pub(crate) fn finer(
         }
         let long = LONG * params.effort.long_edge;
         let is_long = |e: u32| length(&garment.mesh, &edges, e) > long;
-        let marked = with_neighbours(&garment.mesh, &bad);
+        // Cloth needs some room to follow.
+        let marked = garment.mesh.with_neighbours(&bad);
         let marked: Vec<bool> = (0..bad.len())
             .map(|t| marked[t] && edges.of_triangle[t].iter().any(|e| is_long(*e)))
             .collect();
@@ -73,15 +74,6 @@ fn mark_strained(before: &TriMesh, after: &TriMesh, edges: &Edges, bad: &mut [bo
     for (t, of) in edges.of_triangle.iter().enumerate() {
         bad[t] |= of.iter().any(|e| strained[*e as usize]);
     }
-}
-
-/// The triangles, and all that share a vertex with one: cloth needs some room to follow.
-fn with_neighbours(mesh: &TriMesh, bad: &[bool]) -> Vec<bool> {
-    let mut near = vec![false; mesh.vertices().len()];
-    for (tri, _) in mesh.triangles().iter().zip(bad).filter(|(_, b)| **b) {
-        tri.iter().for_each(|v| near[*v as usize] = true);
-    }
-    mesh.triangles().iter().map(|tri| tri.iter().any(|v| near[*v as usize])).collect()
 }
 
 /// With new vertices as a file stores them: the surface to start from is that of the file.

@@ -9,13 +9,7 @@ use if_core::mesh::TriMesh;
 /// The boundary of oriented triangles is a cycle, so that the loops always close, also where more
 /// than two triangles meet or neighbours wind against each other. No loop passes a vertex twice.
 pub(super) fn closing_loops(mesh: &TriMesh, edges: &Edges) -> Vec<Vec<u32>> {
-    let mut balance = vec![0i32; edges.len()];
-    for (corners, of_triangle) in mesh.triangles().iter().zip(&edges.of_triangle) {
-        for k in 0..3 {
-            balance[of_triangle[k] as usize] +=
-                if corners[k] < corners[(k + 1) % 3] { 1 } else { -1 };
-        }
-    }
+    let balance = edges.balance(mesh);
     // For each vertex the ends of the edges that leave it, the first edge last.
     let mut leaving: Vec<Vec<u32>> = vec![Vec::new(); mesh.vertices().len()];
     let mut starts = Vec::new();

@@ -60,7 +60,7 @@ impl Union {
         for (t, unsure) in unsure.iter_mut().enumerate() {
             *unsure |= hidden[t] || sides[t].1;
         }
-        Some(Self { hidden, unsure: with_neighbours(skin, &unsure), own_pairs })
+        Some(Self { hidden, unsure: skin.with_neighbours(&unsure), own_pairs })
     }
 }
 
@@ -109,27 +109,11 @@ fn sides(corners: [&Point; 3], winding: &Winding, beside: Real) -> (bool, bool) 
 
 /// Triangles at edges of more than two, or along which neighbours wind against each other.
 fn irregular(mesh: &TriMesh, edges: &Edges) -> Vec<bool> {
-    let mut balance = vec![0i32; edges.len()];
-    for (corners, of_triangle) in mesh.triangles().iter().zip(&edges.of_triangle) {
-        for k in 0..3 {
-            balance[of_triangle[k] as usize] +=
-                if corners[k] < corners[(k + 1) % 3] { 1 } else { -1 };
-        }
-    }
+    let balance = edges.balance(mesh);
     let is_irregular = |e: &u32| match edges.valence[*e as usize] {
         1 => false,
         2 => balance[*e as usize] != 0,
         _ => true,
     };
     edges.of_triangle.iter().map(|e| e.iter().any(is_irregular)).collect()
-}
-
-fn with_neighbours(mesh: &TriMesh, marked: &[bool]) -> Vec<bool> {
-    let mut at = vec![false; mesh.vertices().len()];
-    for (corners, marked) in mesh.triangles().iter().zip(marked) {
-        if *marked {
-            corners.iter().for_each(|v| at[*v as usize] = true);
-        }
-    }
-    mesh.triangles().iter().map(|corners| corners.iter().any(|v| at[*v as usize])).collect()
 }

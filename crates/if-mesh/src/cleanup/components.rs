@@ -7,6 +7,7 @@ use super::report::{Component, ComponentReport};
 use if_core::math::Real;
 use if_core::mesh::TriMesh;
 use if_core::parameter::ParameterError;
+use if_core::union_find::UnionFind;
 
 /// Removes components that are small compared to the largest one. Parts that touch only in a vertex
 /// are separate components.
@@ -90,19 +91,12 @@ pub(super) fn components(work: &EditMesh, half_edges: &HalfEdges) -> (Vec<u32>, 
 
 /// The component of each triangle, numbered in the order of their first triangles, and their number.
 fn labels(work: &EditMesh, half_edges: &HalfEdges) -> (Vec<u32>, u32) {
-    // Union-find: each triangle points to an earlier one of its component, the first to itself.
-    let mut first: Vec<u32> = Vec::with_capacity(work.triangles.len());
-    for (t, sides) in (0..work.triangles.len() as u32).zip(half_edges.twin.as_chunks::<3>().0) {
-        first.push(t);
-        let mut mine = t;
-        for twin in sides.iter().filter(|twin| **twin != NONE && **twin / 3 < t) {
-            let other = find(&mut first, twin / 3);
-            if other != mine {
-                first[mine.max(other) as usize] = mine.min(other);
-                mine = mine.min(other);
-            }
-        }
+    let mut sets = UnionFind::new(work.triangles.len());
+    for (t, sides) in (0..).zip(half_edges.twin.as_chunks::<3>().0) {
+        let earlier = sides.iter().filter(|twin| **twin != NONE && **twin / 3 < t);
+        earlier.for_each(|twin| sets.join(t, twin / 3));
     }
+    let first = sets.into_firsts();
     let mut names = 0;
     let mut part_of: Vec<u32> = Vec::with_capacity(first.len());
     for (t, of) in (0..).zip(&first) {
@@ -110,16 +104,6 @@ fn labels(work: &EditMesh, half_edges: &HalfEdges) -> (Vec<u32>, u32) {
         names += u32::from(*of == t);
     }
     (part_of, names)
-}
-
-/// The root of `t`, with path halving.
-fn find(first: &mut [u32], mut t: u32) -> u32 {
-    while first[t as usize] != t {
-        let next = first[t as usize];
-        first[t as usize] = first[next as usize];
-        t = next;
-    }
-    t
 }
 
 #[cfg(test)]
