@@ -32,6 +32,8 @@ LESS = ["--degrees", "2", "--mm", "6"]
 # Name, capture, how poses, normals and camera are off, how the template is.
 CASES = [
     ("stated as exact", "sweater", ["--degrees", "0"], None),
+    *((f"{c}, stated as exact", c, ["--degrees", "0"], None) for c in ("walking", "suit", "dress")),
+    ("a forearm, 40° in frames 8 to 12", "sweater", ["--joint", "LeftForeArm", "40", "8-12"], None),
     ("1°, 3 mm", "sweater", ["--degrees", "1", "--mm", "3"], None),
     *((f"3°, 9 mm, seed {s}", "sweater", [*OFF, "--seed", s], None) for s in "12"),
     *((f"3°, 9 mm over 8 frames, seed {s}", "sweater", [*OFF, "--correlation", "8", "--seed", s], None) for s in "12"),
@@ -96,7 +98,7 @@ def main():
             runs = ["exact", "refined"]
             if "--camera" in noise:
                 runs = ["refined"]
-            elif noise[0] == "--normals" or noise[1] == "0":
+            elif noise[0] in ("--normals", "--joint") or noise[1] == "0":
                 runs = ["exact"]  # the poses are, and stated so
             for poses in runs:
                 out = f"{scratch}/out{number}{poses}"
@@ -109,14 +111,15 @@ def main():
                 mesh, truth = load(f"{clothed}/canonical.ply"), load(f"{a.shared}/data/clothed/{reference}.ply")
                 rng = np.random.default_rng(0)
                 there, back = (one_way(*pair, 60000, rng)["mean"] for pair in ((mesh, truth), (truth, mesh)))
-                told = f"{clothed}/poses.json"
+                told, doubts = f"{clothed}/poses.json", said["surface"]["quality"]["doubts"]
                 row = {
                     "case": name, "poses": poses, "there_mm": f"{1e3 * there:.2f}", "back_mm": f"{1e3 * back:.2f}",
                     "mean_mm": f"{500 * (there + back):.2f}",
                     "openings": " ".join(str(g["openings"]) for g in said["garments"]),
                     "missing": " ".join(said["missing"]), "processor_s": f"{seconds:.1f}",
                     "silhouettes_mm": spread("silhouette_mm", said), "normals_degrees": spread("normal_degrees", said),
-                    "doubted_frames": len({doubt["frame"] for doubt in said["surface"]["quality"]["doubts"]}),
+                    "doubted_frames": len({doubt["frame"] for doubt in doubts}),
+                    "doubted_joints": " ".join(sorted({doubt["joint"] for doubt in doubts if doubt["joint"]})),
                     "joints_before_mm": "" if "--camera" in noise else off(f"{copy}/meta.json", true),
                     "joints_after_mm": off(told, true) if os.path.exists(told) and "--camera" not in noise else "",
                 }

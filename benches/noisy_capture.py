@@ -2,11 +2,12 @@
 """A copy of a capture (links to its images) with errors as estimators make them.
 
     noisy_capture.py CAPTURE OUT [--degrees 3] [--mm 9] [--correlation 8] [--normals 12] [--camera 1]
-        [--seed 1]
+        [--joint LeftForeArm 40 8-12] [--seed 1]
 
 Poses: each joint turns by a normally distributed rotation vector of root mean square --degrees, the
 root shifts by --mm along each axis; independently in each frame, or correlated by exp(-2 d^2 / c^2)
 in frames d apart. Normals: turned smoothly by --normals degrees, afresh in each frame.
+One joint: turned by as many degrees about its first axis in some frames, on top.
 The camera: turned about its centre by a vector of standard deviation --camera degrees along each
 axis. `meta.json` of the copy states the errors of poses and camera. Needs: pip install numpy pillow
 """
@@ -62,6 +63,7 @@ def main():
     a.add_argument("capture"), a.add_argument("out")
     for name in ("degrees", "mm", "correlation", "normals", "camera"):
         a.add_argument(f"--{name}", type=float, default=0)
+    a.add_argument("--joint", nargs=3, metavar=("NAME", "DEGREES", "FRAMES"))
     a.add_argument("--seed", type=int, default=1)
     a = a.parse_args()
     rng = np.random.default_rng(a.seed)
@@ -77,6 +79,10 @@ def main():
         noise = turns[k] * np.radians(a.degrees) / np.sqrt(3)
         frame["rot"] = [product(q, quaternion(n)) for q, n in zip(frame["rot"], noise)]
         frame["root_t"] = (np.array(frame["root_t"]) + shifts[k] * a.mm / 1000).tolist()
+    if a.joint:
+        joint, (first, last) = meta["joints"].index(a.joint[0]), map(int, a.joint[2].split("-"))
+        for frame in meta["frames"][first : last + 1]:
+            frame["rot"][joint] = product(frame["rot"][joint], quaternion(np.radians(float(a.joint[1])) * np.eye(3)[0]))
     meta["pose_sigma_degrees"], meta["pose_sigma_mm"] = a.degrees, a.mm
     meta["camera_sigma_degrees"] = a.camera
     if a.camera > 0:
