@@ -2,12 +2,12 @@
 //! clean or with what is left. Nothing panics.
 
 use crate::scenes::{assert_clean_or_left, ball_in_tube, moved, resolved};
-use if_core::math::{Point, Real};
+use if_core::math::{Point, Real, Vector};
 use if_core::mesh::{MeshError, TriMesh};
 use if_core::monitor::Silent;
 use if_core::shapes::meshes::{cloth, icosphere, tube};
 use if_outfit::outfit::{Layer, Outfit, OutfitError};
-use if_outfit::resolve::{ResolveError, ResolveParams, resolve};
+use if_outfit::resolve::{Method, ResolveError, ResolveParams, resolve};
 use if_outfit::verify::verify;
 
 fn ball() -> Layer {
@@ -238,4 +238,26 @@ fn the_reference_lists_every_parameter_with_its_default() {
         listed += 1;
     }
     assert_eq!(text.lines().filter(|line| line.starts_with("| `")).count(), listed);
+}
+
+#[test]
+fn garments_whose_edges_have_no_length_are_no_panic() {
+    let points = |places: &[Point]| {
+        let vertices = places.iter().flat_map(|p| [*p; 3]).collect();
+        let triangles = (0..places.len() as u32).map(|t| [3 * t, 3 * t + 1, 3 * t + 2]).collect();
+        TriMesh::new(vertices, triangles).unwrap()
+    };
+    let tiny = |size: Real| moved(&cloth(size, size, 2, 2), |p| p + Vector::new(0.0, 0.1, 0.25));
+    for method in [Method::Contacts, Method::Paper] {
+        let mut params = ResolveParams::default();
+        params.effort.method = method;
+        let collapsed = points(&[Point::new(0.0, 0.0, 0.29), Point::new(0.0, 0.1, 0.25)]);
+        for garment in [collapsed, tiny(1e-160), tiny(1e-15)] {
+            match resolve(&outfit_with(garment), &params, &mut Silent) {
+                Ok(found) => assert!(found.report.after.is_clean()),
+                Err(ResolveError::Unresolved { .. }) => {}
+                Err(other) => panic!("{other}"),
+            }
+        }
+    }
 }

@@ -163,6 +163,7 @@ pub(crate) fn animated(spec: &OutfitSpec, args: &Options) -> Result<End, Report>
             ));
             Ok(End::Cancelled)
         }
+        AnimateError::Busy { path } => Err(OutputError::Busy { path }.into()),
         source => Err(AnimateFault::Animate { source }.into()),
     };
     let mut monitor = line;

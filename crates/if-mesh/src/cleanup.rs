@@ -104,8 +104,8 @@ pub struct Cleaned {
 ///
 /// # Errors
 ///
-/// [`CleanupError`]: parameters out of range, attributes of another number of vertices, or
-/// cancelled.
+/// [`CleanupError`]: parameters out of range, attributes of another number of vertices, a mesh so large
+/// or small that squared areas are no numbers, or cancelled.
 ///
 /// # Examples
 ///
@@ -135,6 +135,10 @@ pub fn cleanup(
             attributes: attributes.vertices(),
             vertices: mesh.vertices().len(),
         });
+    }
+    let metres = mesh.surface_aabb().size().max();
+    if metres > 0.0 && !(1e-70..=1e70).contains(&metres) {
+        return Err(CleanupError::Size { metres });
     }
     let mut work = EditMesh::new(mesh);
     monitor.report(&Progress::stage("manifold"))?;

@@ -118,6 +118,7 @@ impl Voxels {
 
     /// Marks the voxels along each segment as filled, except walls.
     pub fn fill(&mut self, segments: impl ParallelIterator<Item = [Point; 2]>) {
+        let [nx, ny, nz] = self.size.0;
         let marks = Marks::new(self.states.len());
         segments.for_each(|[a, b]| {
             let (a, b) = ((a - self.origin) * self.per_metre, (b - self.origin) * self.per_metre);
@@ -128,40 +129,29 @@ impl Voxels {
                 let end = self.size.0[k] as Real - WELL_WITHIN;
                 a[k].min(b[k]) >= WELL_WITHIN && a[k].max(b[k]) <= end
             });
-            if is_within {
-                self.mark_along(&a, &step, steps, &marks);
-                return;
-            }
+            let mut last = usize::MAX;
             for k in 0..=steps {
                 let p = a + step * k as Real;
-                if (0..3).all(|k| p[k] >= 0.0 && p[k] < self.size.0[k] as Real) {
-                    // For numbers that are not negative, truncation is the floor, without a call.
-                    marks.set(self.size.index([p.x as usize, p.y as usize, p.z as usize]));
+                let is_inside = is_within
+                    || (p.x >= 0.0
+                        && p.y >= 0.0
+                        && p.z >= 0.0
+                        && p.x < nx as Real
+                        && p.y < ny as Real
+                        && p.z < nz as Real);
+                if !is_inside {
+                    continue;
                 }
-            }
-        });
-        self.set_marked(&marks, Voxel::Filled);
-    }
-
-    /// Marks the voxels of the places `from + k step`, in voxels, for k up to `steps`; all are within the
-    /// block.
-    #[inline]
-    fn mark_along(&self, from: &Vector, step: &Vector, steps: usize, marks: &Marks) {
-        let [nx, ny] = [self.size.0[0] as Real, self.size.0[1] as Real];
-        let mut last = usize::MAX;
-        for first in (0..=steps).step_by(LANES) {
-            // Lane by lane, each step by itself: this is what becomes SIMD.
-            let k: [Real; LANES] = std::array::from_fn(|l| (first + l) as Real);
-            let [x, y, z] = [0, 1, 2].map(|c| k.map(|k| floor(from[c] + step[c] * k)));
-            let at: [Real; LANES] = std::array::from_fn(|l| (z[l] * ny + y[l]) * nx + x[l]);
-            for at in at.iter().take(steps + 1 - first) {
-                let at = *at as i32 as usize;
+                // For numbers that are not negative, truncation is the floor, without a call.
+                let [x, y, z] = [p.x as i32, p.y as i32, p.z as i32].map(|c| c as usize);
+                let at = (z * ny + y) * nx + x;
                 if at != last {
                     marks.set(at);
                     last = at;
                 }
             }
-        }
+        });
+        self.set_marked(&marks, Voxel::Filled);
     }
 
     /// Sets the inside voxels among `marks` to `to`.
@@ -326,20 +316,6 @@ impl Voxels {
 /// 10⁷ voxels are rounded by less. A thousand times more checks more segments point by point.
 const WELL_WITHIN: Real = 1e-6;
 
-/// Places along a segment that are handled together: two SIMD registers of every x86-64.
-const LANES: usize = 4;
-
-/// Numbers above have no fractions.
-const WHOLE: Real = 4_503_599_627_370_496.0;
-
-/// The floor of a number from 0 to half of [`WHOLE`]. `Real::floor` is a call where the target has no
-/// instruction for it.
-#[inline(always)]
-fn floor(x: Real) -> Real {
-    let nearest = (x + WHOLE) - WHOLE;
-    if nearest > x { nearest - 1.0 } else { nearest }
-}
-
 /// A set of voxels to which several threads add. Nothing is removed, so the order does not matter.
 struct Marks(Vec<AtomicU64>);
 
@@ -482,18 +458,6 @@ mod tests {
         }
         v.fill(segments.into_par_iter());
         assert!(v.states == expected && v.counts()[Voxel::Filled as usize] > 1000);
-    }
-
-    #[test]
-    fn floors_are_those_of_the_standard_library() {
-        let mut x: Real = 0.37;
-        while x < 1e15 {
-            for x in [x, x.floor(), x.floor() + 0.5, x.floor().next_down().max(0.0), x.next_up()] {
-                assert_eq!(floor(x), x.floor(), "{x}");
-            }
-            x *= 1.0371;
-        }
-        assert_eq!(floor(0.0), 0.0);
     }
 
     #[test]

@@ -117,6 +117,8 @@ fn stretch_groups(edges: &Edges, x: &[Point], compliance: Real) -> Vec<Stretch> 
                 edges.vertices.iter().filter(|e| group_of(length(e)) == g).copied().collect();
             let rests: Vec<Real> = ends.iter().map(length).collect();
             let typical = rests.iter().sum::<Real>() / (rests.len().max(1) as Real * mean);
+            // Of points, or of edges whose squared lengths are zero or infinite, there is no mean.
+            let typical = if typical.is_finite() { typical } else { 1.0 };
             let set = EdgeSet::new(&ends, &rests, x.len())
                 .expect("two different vertices of a mesh, and a finite length");
             (!ends.is_empty()).then(|| {

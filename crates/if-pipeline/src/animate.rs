@@ -39,6 +39,7 @@ pub use report::{AnimationReport, FrameReport, Spread};
 
 use if_body::Motion;
 use if_core::monitor::Monitor;
+use if_mesh::atomic::FolderWriter;
 use std::ops::Range;
 use std::path::Path;
 use std::time::Instant;
@@ -82,7 +83,7 @@ pub fn animate(
 /// # Errors
 ///
 /// [`AnimateError`]: an outfit that is not clean, parameters out of range, a folder that cannot be
-/// written, or the monitor cancelled.
+/// written or in which another process keeps frames, or the monitor cancelled.
 pub fn follow(
     movement: Movement<'_>,
     params: &AnimateParams,
@@ -90,6 +91,10 @@ pub fn follow(
     monitor: &mut dyn Monitor,
 ) -> Result<Animation, AnimateError> {
     let start = Instant::now();
+    // What frames were computed from is removed at the end: nobody else may need it.
+    let _writer = FolderWriter::open(folder)
+        .map_err(|source| AnimateError::Io { path: folder.into(), source })?
+        .ok_or_else(|| AnimateError::Busy { path: folder.into() })?;
     let work = Work::open(movement, params, folder)?;
     let new = work.frames(0..movement.frames(), monitor)?;
     let working = start.elapsed().as_secs_f64();

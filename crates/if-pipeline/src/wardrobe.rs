@@ -136,6 +136,7 @@ impl Wardrobe {
     ///
     /// As [`Wardrobe::add_body`].
     pub fn add_body_once(&mut self, new: &NewBody) -> Result<BodyRef, WardrobeError> {
+        asset::check_name(new.name)?;
         let writer = self.writer(BODIES)?;
         // Other processes may have added bodies.
         self.bodies = Self::open(&self.root)?.bodies;

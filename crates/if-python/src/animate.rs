@@ -69,7 +69,8 @@ pub(crate) fn animate<'py>(
 ) -> PyResult<Animated<'py>> {
     let params: AnimateParams = outfits::with_named(py, &params)?;
     params.validate().map_err(|e| e.raised(py))?;
-    let weights: Vec<_> = weights.iter().map(|w| w.as_ref().map(records)).collect();
+    let weights = weights.iter().map(|w| w.as_ref().map(records));
+    let weights: Vec<_> = layers.iter().map(|layer| layer.name().to_owned()).zip(weights).collect();
     let layers = outfits::owned(&layers)?;
     let folder =
         folder.map_or_else(|| TempDir::new().map(Folder::Temporary), |f| Ok(Folder::Given(f)))?;
@@ -77,10 +78,11 @@ pub(crate) fn animate<'py>(
     let found = work::run(py, threads, progress.as_ref(), move |monitor| {
         let skeleton = Skeleton::read(&*skeleton).map_err(|e| unusable("skeleton", &e))?;
         let motion = Motion::read(&*motion, &skeleton).map_err(|e| unusable("motion", &e))?;
-        let skins = weights.into_iter().map(|records| {
-            records.map(|(j, w)| SkinWeights::new(j, w, skeleton.len())).transpose()
+        let skins = weights.into_iter().map(|(name, records)| {
+            let skin = records.map(|(j, w)| SkinWeights::new(j, w, skeleton.len())).transpose();
+            skin.map_err(|e| unusable(&format!("weights['{name}']"), &e))
         });
-        let skins = skins.collect::<Result<Vec<_>, _>>().map_err(|e| unusable("weights", &e))?;
+        let skins = skins.collect::<Result<Vec<_>, _>>()?;
         let outfit = outfits::outfit(layers).map_err(|e| failed(&e))?;
         let skinned = SkinnedOutfit::new(outfit, skeleton, skins)
             .map_err(|e| failed(&AnimateError::from(e)))?;

@@ -7,25 +7,26 @@ use if_mesh::extract::{self as surface, ExtractParams, Extraction};
 use if_mesh::sdf::MeshSdf;
 use if_neural::files::{WeightNorm, read_network, write_network};
 use if_neural::{Fit, FitParams, NetworkConfig, NeuralField, SamplingParams};
+use if_outfit::NamedParameterError;
 use if_pipeline::fitting::{MeshTarget, Take};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::PyBytes;
 
 /// The surface of a field as a mesh, and `ExtractReport` as JSON. The field is the signed distance
-/// of a closed mesh, or a network (the bytes of its file). `params` are those of `ExtractParams`.
+/// of a closed mesh, or a network (the bytes of its file). `params` are those of `ExtractParams`, by name
+/// and as JSON.
 #[pyfunction]
 #[pyo3(signature = (mesh, network, params, threads, progress))]
 pub(crate) fn extract<'py>(
     py: Python<'py>,
     mesh: Option<LayerArrays<'py>>,
     network: Option<Vec<u8>>,
-    params: &str,
+    params: Vec<(String, String)>,
     threads: Option<usize>,
     progress: Option<Bound<'py, PyAny>>,
 ) -> PyResult<(NamedArrays<'py>, String)> {
-    let params: ExtractParams =
-        serde_json::from_str(params).map_err(|e| exception(py, "ParameterError", e.to_string()))?;
+    let params = with_given(&params).map_err(|e| e.raised(py))?;
     params.validate().map_err(|e| exception(py, "ParameterError", e.to_string()))?;
     let argument = mesh.as_ref().map_or("field".to_owned(), |m| m.argument().to_owned());
     let mesh = mesh.map(|mesh| mesh.layer()).transpose()?.map(|layer| layer.mesh);
@@ -48,6 +49,26 @@ pub(crate) fn extract<'py>(
         found.map_err(|message: String| PyValueError::new_err(format!("{argument}: {message}")))?;
     let report = serde_json::to_string(&report).map_err(no_json)?;
     Ok((named_arrays(py, argument, &mesh)?, report))
+}
+
+/// Default parameters, with those replaced that are given by name, as JSON. Ranges are not checked.
+fn with_given(given: &[(String, String)]) -> Result<ExtractParams, NamedParameterError> {
+    let mut params = ExtractParams::default();
+    for (name, json) in given {
+        let invalid = |e: serde_json::Error| {
+            let (name, message) = (name.clone(), e.to_string());
+            NamedParameterError::Value { name, message }
+        };
+        let mut all = serde_json::to_value(params).map_err(invalid)?;
+        let Some(place) = all.get_mut(name) else {
+            let valid = all.as_object().into_iter().flatten().map(|(name, _)| format!("`{name}`"));
+            let valid = valid.collect::<Vec<_>>().join(", ");
+            return Err(NamedParameterError::Unknown { name: name.clone(), valid });
+        };
+        *place = serde_json::from_str(json).map_err(invalid)?;
+        params = serde_json::from_value(all).map_err(invalid)?;
+    }
+    Ok(params)
 }
 
 /// Fits a network to the signed distance of a mesh: the bytes of its file, and `FitReport` as JSON.

@@ -65,6 +65,11 @@ impl LayerArrays<'_> {
         &self.argument
     }
 
+    /// What reports call it.
+    pub(crate) fn name(&self) -> &str {
+        &self.name
+    }
+
     fn points(&self) -> PyResult<Vec<Point>> {
         let rows = rows(&self.vertices, &self.argument, "vertices")?;
         Ok(rows.into_iter().map(Point::from).collect())

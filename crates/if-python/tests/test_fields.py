@@ -54,6 +54,17 @@ def test_numbers_and_arrays_of_numpy_are_taken(body):
             ifgarments.ParameterError,
             "sells",
         ),
+        (
+            lambda: ifgarments.extract(ball(), params={"relax": -3}),
+            ifgarments.ParameterError,
+            "parameter `relax`: invalid value: integer `-3`",
+        ),
+        (
+            lambda: ifgarments.extract(ball(), cell=0.02, params={"resolution": {"cell": 0.05}}),
+            ifgarments.ParameterError,
+            "give one",
+        ),
+        (lambda: ifgarments.extract(ball(), params=3), TypeError, "params is 3"),
         (lambda: ifgarments.extract(ball(), cell=1e-7), ValueError, "field: "),
         (lambda: ifgarments.fit(ball(), accuracy=-1.0), ifgarments.ParameterError, "accuracy"),
         (lambda: ifgarments.fit(ball(), seconds=-1.0), ifgarments.ParameterError, "seconds"),

@@ -159,3 +159,27 @@ def test_the_copy_is_made_before_the_work(body, belt, wanted):
     found = ifgarments.resolve(body, [mesh], progress=spoil).layers[0]
     assert np.array_equal(found.vertices.rows, wanted)
     assert copy.copy(found) is not found
+
+
+def misaligned(array):
+    """The same numbers at an odd address."""
+    return np.frombuffer(b"!" + array.tobytes(), array.dtype, offset=1).reshape(array.shape)
+
+
+def test_arrays_may_lie_anywhere(body, belt, wanted):
+    given = tuple(misaligned(np.ascontiguousarray(part)) for part in belt)
+    assert not given[0].flags.aligned and not given[1].flags.aligned
+    found = ifgarments.resolve(body, [given]).layers[0][0]
+    assert np.array_equal(found, wanted)
+
+
+@pytest.mark.parametrize("order", "<>")
+def test_single_precision_stays_in_any_order_of_bytes(body, belt, order):
+    expected = ifgarments.resolve(body, [(belt[0].astype(np.float32), belt[1])]).layers[0][0]
+    found = ifgarments.resolve(body, [(belt[0].astype(f"{order}f4"), belt[1])]).layers[0][0]
+    assert found.dtype.itemsize == 4 and np.array_equal(found, expected)
+
+
+def test_names_that_are_no_unicode_are_named(body, belt):
+    with pytest.raises(ValueError, match=r"layers\['\\udc80'\]: its name .* no valid Unicode"):
+        ifgarments.resolve(body, {"\udc80": belt})

@@ -73,6 +73,27 @@ def test_pixars_reader_sees_the_same_meshes(written):
             assert np.array_equal(extent, [truth.min(axis=0), truth.max(axis=0)])
 
 
+def test_only_control_characters_are_escaped(tmp_path):
+    names = ("a\u200b", "\xa0\u00ad", "\N{GRINNING FACE}", 'q"\\', "tab\t\x7f")
+    usd.write(tmp_path / "a.usda", {name: ball(rings=4, around=5) for name in names})
+    shown = re.findall(r'displayName = "(.*)"\n', (tmp_path / "a.usda").read_text("utf-8"))
+    assert shown == [*names[:3], 'q\\"\\\\', r"tab\x09\x7f"]
+
+
+@pytest.mark.parametrize(
+    "meshes, more, words",
+    [
+        ([ball()], {}, "meshes is a list"),
+        ({"a": ball()}, {"frames": [1]}, "frames is a list"),
+        ({"a": ball()}, {"fps": "fast"}, "fps is 'fast'; give a number"),
+    ],
+)
+def test_arguments_of_a_wrong_kind_are_named(tmp_path, meshes, more, words):
+    with pytest.raises(TypeError) as caught:
+        usd.write(tmp_path / "a.usda", meshes, **more)
+    assert words in str(caught.value)
+
+
 def test_nothing_moves_without_frames(tmp_path):
     usd.write(tmp_path / "a.usda", {"ball": ball()})
     text = (tmp_path / "a.usda").read_text()

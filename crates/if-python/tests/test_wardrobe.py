@@ -93,6 +93,9 @@ def test_what_is_missing_or_damaged_is_named(folder, tmp_path):
         wardrobe.dress("ball", ["coat", "coat"])
     with pytest.raises(ifgarments.WardrobeError, match=r"none\.ply"):
         wardrobe.add_body("b", tmp_path / "none.ply")
+    for name in ("", "a/b"):
+        with pytest.raises(ifgarments.WardrobeError, match="name"):
+            wardrobe.add_body(name, folder / "bodies/ball/body.ply")
     with pytest.raises(ifgarments.ParameterError, match="`scale` is 0"):
         wardrobe.add_body("b", folder / "bodies/ball/body.ply", scale=0)
     with pytest.raises(TypeError, match="path is 3; it must be a path"):

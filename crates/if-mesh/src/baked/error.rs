@@ -45,7 +45,7 @@ pub enum BakeError {
         lipschitz: Real,
     },
     /// The source is not finite somewhere.
-    #[error("the source is {} with gradient {} in {point}; it must be finite there (mask a field after baking it, not before)", sample.distance, sample.gradient)]
+    #[error("the source is {:e} with gradient {:?} in {point:?}; it must be finite there (mask a field after baking it, not before)", sample.distance, sample.gradient.as_slice())]
     NotFinite {
         /// The point.
         point: Point,

@@ -1,5 +1,6 @@
 //! Errors of the clean-up.
 
+use if_core::math::Real;
 use if_core::monitor::Cancelled;
 use if_core::parameter::ParameterError;
 
@@ -16,6 +17,9 @@ pub enum CleanupError {
         "attributes of {attributes} vertices for a mesh of {vertices}; give those of this mesh, or `VertexAttributes::none`"
     )]
     Attributes { attributes: usize, vertices: usize },
+    /// Areas of the mesh, or their squares, are beyond the range of numbers.
+    #[error("the mesh measures {metres:e} m; scale it to between 1e-70 and 1e70 m")]
+    Size { metres: Real },
     /// The monitor cancelled the work.
     #[error(transparent)]
     Cancelled(#[from] Cancelled),

@@ -296,6 +296,21 @@ fn attributes_go_along() {
 }
 
 #[test]
+fn a_size_whose_areas_are_no_numbers_is_an_error() {
+    let tube = tube(0.1, 0.4, 40, 20, false);
+    let attributes = VertexAttributes::none(tube.vertices().len());
+    let params = CleanupParams { components: None, ..CleanupParams::default() };
+    let cleaned =
+        |factor| cleanup(&tube.scaled(factor).unwrap(), &attributes, None, &params, &mut Silent);
+    for factor in [1e-200, 1e-75, 1e75, 1e200] {
+        assert!(matches!(cleaned(factor), Err(CleanupError::Size { .. })), "{factor:e}");
+    }
+    for factor in [1e-3, 1.0] {
+        assert_eq!(cleaned(factor).unwrap().mesh.triangles(), tube.triangles(), "{factor:e}");
+    }
+}
+
+#[test]
 fn a_ragged_hem_gets_smooth_and_keeps_its_length() {
     // A tube whose end is cut along triangles, at random.
     let whole = tube(0.15, 0.4, 90, 45, false);

@@ -2,6 +2,7 @@
 
 use super::outfit::SkinFault;
 use if_body::{PoseError, SequenceError};
+use if_core::math::Real;
 use if_core::monitor::Cancelled;
 use if_core::parameter::ParameterError;
 use if_outfit::motion::WalkError;
@@ -19,6 +20,9 @@ pub enum AnimateError {
     /// A pose does not belong to the skeleton.
     #[error("frame {frame} of the motion: {source}")]
     Pose { frame: usize, source: PoseError },
+    /// The frames per second are not positive.
+    #[error("the motion has {0} frames per second; give a positive number")]
+    Rate(Real),
     /// The body of a frame cannot be read any more.
     #[error(transparent)]
     Sequence(#[from] SequenceError),
@@ -34,8 +38,11 @@ pub enum AnimateError {
     /// There is no such frame.
     #[error("there is no frame {frame}: {frames} are done, from 0")]
     Frame { frame: usize, frames: usize },
-    /// A frame was changed while it was in use.
-    #[error("{}: the file was changed since it was written; remove it and run again", path.display())]
+    /// Another process moves an outfit there.
+    #[error("{}: another process keeps frames there; wait for it, or take another folder", path.display())]
+    Busy { path: PathBuf },
+    /// A frame was removed or changed while it was in use.
+    #[error("{}: the file was removed or changed since it was written; remove what is left of it and run again", path.display())]
     Changed { path: PathBuf },
     /// The system starts no more threads.
     #[error("no thread can be started: {source}")]

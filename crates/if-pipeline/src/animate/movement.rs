@@ -135,11 +135,17 @@ impl<'a> Movement<'a> {
         Ok(Storage::with_exact_differences(&(low - reach), &(high + reach)))
     }
 
-    /// Refuses poses of another skeleton.
+    /// Refuses poses of another skeleton, numbers that are not finite, and a rate that is not positive.
     pub(super) fn check(&self) -> Result<(), AnimateError> {
+        let rate = self.frames_per_second();
+        if !(rate.is_finite() && rate > 0.0) {
+            return Err(AnimateError::Rate(rate));
+        }
         if let Kind::Poses(outfit, motion) = self.0 {
             for (frame, pose) in motion.poses.iter().enumerate() {
                 let fault = |source| AnimateError::Pose { frame, source };
+                Pose::from_quaternions(pose.root_translation, &pose.quaternions())
+                    .map_err(fault)?;
                 outfit.skeleton.transforms(pose).map_err(fault)?;
             }
         }

@@ -336,3 +336,40 @@ fn a_limb_that_jumps_through_cloth_between_clean_frames_is_found() {
     // Up to the cloth and back.
     assert!(between(&[0.0, 0.05, 0.1, 0.05]).iter().all(IntervalReport::is_clean));
 }
+
+#[test]
+fn a_folder_in_which_another_keeps_frames_is_busy() {
+    let (outfit, motion) = (outfit(), motion(2));
+    let folder = tempfile::tempdir().unwrap();
+    let params = AnimateParams::default();
+    let other = if_mesh::atomic::FolderWriter::open(folder.path()).unwrap().unwrap();
+    let found = animate(&outfit, &motion, &params, folder.path(), &mut Silent);
+    assert!(matches!(found, Err(AnimateError::Busy { path }) if path == folder.path()));
+    drop(other);
+    animate(&outfit, &motion, &params, folder.path(), &mut Silent).unwrap();
+    let left = std::fs::read_dir(folder.path()).unwrap().map(|f| f.unwrap().file_name());
+    assert!(left.into_iter().all(|name| !name.to_string_lossy().starts_with('.')));
+}
+
+#[test]
+fn motions_made_by_hand_are_checked_as_files_are() {
+    let (outfit, good) = (outfit(), motion(3));
+    let folder = tempfile::tempdir().unwrap();
+    let fault = |motion: &Motion| {
+        let params = AnimateParams::default();
+        animate(&outfit, motion, &params, folder.path(), &mut Silent).unwrap_err()
+    };
+    for rate in [0.0, -30.0, f64::NAN, f64::INFINITY] {
+        let motion = Motion { frames_per_second: rate, ..good.clone() };
+        let found = fault(&motion);
+        assert!(matches!(found, AnimateError::Rate(r) if r.to_bits() == rate.to_bits()), "{found}");
+    }
+    let mut motion = good.clone();
+    motion.poses[1].root_translation.x = f64::NAN;
+    assert!(
+        fault(&motion).to_string().starts_with("frame 1 of the motion: the pose moves the root")
+    );
+    motion = good;
+    motion.poses[2].rotations.pop();
+    assert!(fault(&motion).to_string().starts_with("frame 2 of the motion: the pose has"));
+}

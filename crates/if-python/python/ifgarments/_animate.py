@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from . import _ifgarments as _native
 from ._arguments import Progress, checked_threads, folder, json_text, listener, named_params
-from ._kinds import read_outfit
+from ._kinds import plain, read_outfit
 from ._outfits import Layers, Mesh
 
 #: Joints and weights of all vertices, four of each: shapes (n, 4).
@@ -90,7 +90,9 @@ def animate(
         named.append(("pinch", json_text(pinch)))
     outfit = read_outfit(body, layers)
     names = [layer.name for layer in outfit]
-    unknown = sorted(set(weights) - set(names))
+    if not isinstance(weights, Mapping):
+        raise TypeError(f"weights is {weights!r}; it must be a mapping of names to pairs")
+    unknown = [name for name in weights if name not in names]
     if unknown:
         raise ValueError(f"weights[{unknown[0]!r}]: there is no such layer; layers are {names}")
     given = [
@@ -127,7 +129,7 @@ def _weights(given: Any, name: str, vertices: int) -> tuple[NDArray[Any], NDArra
         raise TypeError(f"{argument}: joints must be integers, and weights numbers")
     if joints.size and not 0 <= joints.min() <= joints.max() < 2**16:
         raise ValueError(f"{argument}: a joint is not from 0 to {2**16 - 1}")
-    return np.ascontiguousarray(joints, np.uint16), np.ascontiguousarray(weights, np.float32)
+    return plain(joints, np.uint16), plain(weights, np.float32)
 
 
 def _json(given: Any, argument: str) -> bytes:

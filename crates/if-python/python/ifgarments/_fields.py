@@ -12,9 +12,9 @@ from ._arguments import (
     Progress,
     checked_threads,
     folder,
-    json_text,
     length,
     listener,
+    named_params,
     number,
     whole,
 )
@@ -27,7 +27,7 @@ from .errors import ParameterError
 def extract(
     field: Mesh | bytes,
     *,
-    cell: float = 0.01,
+    cell: float | None = None,
     params: Mapping[str, Any] | None = None,
     threads: int | None = None,
     progress: Callable[[Progress], object] | None = None,
@@ -37,7 +37,7 @@ def extract(
     Args:
         field: a closed mesh, which is remeshed by its signed distance; or a network, as the bytes
             of the file that :func:`fit` and ``ifg fit`` write.
-        cell: side of the cells, in metres: about the mean edge length.
+        cell: side of the cells, in metres: about the mean edge length. 0.01 by default.
         params: other parameters by name: ``{"relax": 4, "newton": 2}``.
         threads: as in :func:`resolve`.
         progress: as in :func:`resolve`.
@@ -46,19 +46,19 @@ def extract(
         The mesh, and a report with its error, cost and warnings.
 
     Raises:
-        ParameterError: a parameter is unknown or out of range.
+        ParameterError: a parameter is unknown, out of range or given twice.
         ValueError, TypeError: the mesh is not closed, or no mesh; the bytes are no network.
     """
     is_network = isinstance(field, (bytes, bytearray, memoryview))
     mesh = None if is_network else read(field, "field", "field").native()
-    given = {"resolution": {"cell": length(cell, "cell")}, **(params or {})}
-    try:
-        text = json_text(given)
-    except (TypeError, ValueError) as error:
-        raise ParameterError(f"parameters {given!r}: {error}") from None
+    named = named_params(params)
+    if cell is not None:
+        if params is not None and "resolution" in params:
+            raise ParameterError("`cell` and the parameter `resolution` are the same; give one")
+        named += named_params({"resolution": {"cell": length(cell, "cell")}})
     network = bytes(field) if is_network else None
     threads = checked_threads(threads)
-    (_, v, f), report = _native.extract(mesh, network, text, threads, listener(progress))
+    (_, v, f), report = _native.extract(mesh, network, named, threads, listener(progress))
     return (v, f), json.loads(report)
 
 

@@ -58,7 +58,7 @@ def reconstruct(
 def extract(
     mesh: dict[str, Any] | None,
     network: bytes | None,
-    params: str,
+    params: list[tuple[str, str]],
     threads: int | None,
     progress: ProgressCallback | None,
 ) -> tuple[NamedArrays, str]: ...

@@ -22,6 +22,11 @@ KINDS = (
 )
 
 
+def plain(array: Any, kind: Any) -> NDArray[Any]:
+    """The array as the native module reads it: of this kind, contiguous, and aligned."""
+    return np.require(array, kind, ["C_CONTIGUOUS", "ALIGNED"])
+
+
 @dataclasses.dataclass(frozen=True)
 class Layer:
     """A mesh of the caller as arrays."""
@@ -39,8 +44,8 @@ class Layer:
         return {
             "argument": self.argument,
             "name": self.name,
-            "vertices": np.ascontiguousarray(self.vertices, dtype=np.float64),
-            "faces": np.ascontiguousarray(self.faces, dtype=np.int64),
+            "vertices": plain(self.vertices, np.float64),
+            "faces": plain(self.faces, np.int64),
             "single": self.vertices.dtype == np.float32,
             "has_attributes": self.mesh is not None,
         }
@@ -119,6 +124,10 @@ def read(mesh: Any, argument: str, name: Any) -> Layer:
     """One mesh; errors begin with `argument`."""
     if not isinstance(name, str):
         raise TypeError(f"{argument}: its name is {name!r}; names must be text")
+    try:
+        name.encode()
+    except UnicodeEncodeError:
+        raise ValueError(f"{argument}: its name {name!r} is no valid Unicode") from None
     vertices, faces, attribute = _parts(mesh, argument)
     return Layer(
         argument,
@@ -186,7 +195,8 @@ def _vertices(given: Any, argument: str) -> Vertices:
             f"{argument}: vertices are {array.dtype}; they must be float64, float32 or integers"
         )
     _check_shape(array, argument, "vertices", "(n, 3)")
-    return array if array.dtype in (np.float32, np.float64) else array.astype(np.float64)
+    kind = np.float32 if array.dtype.newbyteorder("=") == np.float32 else np.float64
+    return array.astype(kind, copy=False)
 
 
 def _faces(given: Any, argument: str) -> Faces:

@@ -21,6 +21,7 @@ from typing import Any, TextIO
 import numpy as np
 from numpy.typing import NDArray
 
+from ._arguments import number
 from ._files import whole_file
 from ._kinds import Layer, read
 
@@ -81,8 +82,12 @@ def write(
     target = Path(path)
     if target.suffix != ".usda":
         raise ValueError(f"{target}: the name must end with .usda")
+    fps = number(fps, "fps")
     if not (np.isfinite(fps) and fps > 0):
         raise ValueError(f"fps is {fps}; it must be above 0")
+    for argument, given in (("meshes", meshes), ("frames", {} if frames is None else frames)):
+        if not isinstance(given, Mapping):
+            raise TypeError(f"{argument} is a {type(given).__name__}; give a mapping of names")
     layers = [read(mesh, f"meshes[{name!r}]", name) for name, mesh in meshes.items()]
     if not layers:
         raise ValueError("meshes is empty; give at least one")
@@ -156,7 +161,8 @@ def _identifiers(names: list[str]) -> list[str]:
 def _text(value: str) -> str:
     """A quoted text."""
     escaped = value.replace("\\", "\\\\").replace('"', '\\"')
-    return '"' + "".join(c if c.isprintable() else f"\\x{ord(c):02x}" for c in escaped) + '"'
+    control = re.compile(r"[\x00-\x1f\x7f]")
+    return '"' + control.sub(lambda found: f"\\x{ord(found[0]):02x}", escaped) + '"'
 
 
 def _header(frames: int, fps: float) -> str:
