@@ -2,7 +2,7 @@
 //! clean or with what is left. Nothing panics.
 
 use crate::scenes::{assert_clean_or_left, ball_in_tube, moved, resolved};
-use if_core::math::{Point, Real, Vector};
+use if_core::math::{Point, Real};
 use if_core::mesh::{MeshError, TriMesh};
 use if_core::monitor::Silent;
 use if_core::shapes::meshes::{cloth, icosphere, tube};
@@ -247,12 +247,18 @@ fn garments_whose_edges_have_no_length_are_no_panic() {
         let triangles = (0..places.len() as u32).map(|t| [3 * t, 3 * t + 1, 3 * t + 2]).collect();
         TriMesh::new(vertices, triangles).unwrap()
     };
-    let tiny = |size: Real| moved(&cloth(size, size, 2, 2), |p| p + Vector::new(0.0, 0.1, 0.25));
+    let p = Point::new;
+    let collapsed = points(&[p(0.0, 0.0, 0.29), p(0.0, 0.1, 0.25)]);
+    // Lengths whose squares are zero, and some that are not.
+    let tiny = |size: Real| {
+        let mut x = collapsed.vertices().to_vec();
+        x[..3].copy_from_slice(&[p(0.0, 0.0, 0.0), p(size, 0.0, 0.0), p(0.0, size, 0.0)]);
+        collapsed.with_vertices(x).unwrap()
+    };
     for method in [Method::Contacts, Method::Paper] {
         let mut params = ResolveParams::default();
         params.effort.method = method;
-        let collapsed = points(&[Point::new(0.0, 0.0, 0.29), Point::new(0.0, 0.1, 0.25)]);
-        for garment in [collapsed, tiny(1e-160), tiny(1e-15)] {
+        for garment in [collapsed.clone(), tiny(1e-160), tiny(1e-300), tiny(1e-15)] {
             match resolve(&outfit_with(garment), &params, &mut Silent) {
                 Ok(found) => assert!(found.report.after.is_clean()),
                 Err(ResolveError::Unresolved { .. }) => {}
