@@ -74,7 +74,11 @@ def test_what_does_not_fit_is_named(outfit, belt):
         (ValueError, "not from 0", (body, layers, {"body": (joints - 1, values)})),
         (TypeError, "no pair", (body, layers, {"body": joints})),
         (TypeError, "weights is None", (body, layers, None)),
-        (ifgarments.AnimateError, r"^weights\['body'\]:", (body, layers, {"body": (joints + 1, values)})),
+        (
+            ifgarments.AnimateError,
+            r"^weights\['body'\]:",
+            (body, layers, {"body": (joints + 1, values)}),
+        ),
         (ifgarments.AnimateError, "body", (body, layers, {})),
         (ifgarments.OutfitError, "units high", ((1000 * body[0], body[1]), layers, weights)),
         (ifgarments.OutfitError, "m from the body", ((body[0] + 50, body[1]), layers, weights)),
