@@ -126,17 +126,15 @@ impl Constraint for Attachments {
             if softness == Real::INFINITY || w + softness <= 0.0 {
                 continue;
             }
-            let mut c = positions[v] - self.targets[k];
-            match self.form {
-                LambdaForm::Xpbd => c += self.lambda[k] * softness,
-                LambdaForm::Printed => c += self.lambda[k] * self.compliances[k],
-                LambdaForm::Pbd => {}
-            }
+            let scale = match self.form {
+                LambdaForm::Xpbd => softness,
+                LambdaForm::Printed => self.compliances[k],
+                LambdaForm::Pbd => 0.0,
+            };
+            let c = positions[v] - self.targets[k] + self.lambda[k] * scale;
             residual.add(c.norm());
             let delta = c * (-1.0 / (w + softness));
-            if self.form != LambdaForm::Pbd {
-                self.lambda[k] += delta;
-            }
+            self.lambda[k] += delta;
             positions[v] += delta * w;
         }
         residual

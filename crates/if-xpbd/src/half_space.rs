@@ -44,10 +44,6 @@ pub struct HalfSpaces {
     pub stage: Stage,
 }
 
-/// The weights of a sample that is its first vertex, and its lever.
-const VERTEX: [Real; 3] = [1.0, 0.0, 0.0];
-const LEVER_OF_VERTEX: Real = 1.0;
-
 impl Default for HalfSpaces {
     fn default() -> Self {
         Self {
@@ -120,7 +116,7 @@ impl HalfSpaces {
     /// Adds the contact of one vertex.
     #[inline]
     pub fn push_vertex(&mut self, vertex: u32, normal: Vector, q: &Point, gap: Real) {
-        self.push([vertex; 3], VERTEX, normal, q, gap);
+        self.push([vertex; 3], [1.0, 0.0, 0.0], normal, q, gap);
     }
 
     /// Signed distance of contact `k`'s sample over its gap, in metres: negative where violated.
@@ -147,9 +143,7 @@ impl HalfSpaces {
         let rubs = self.friction > 0.0 && self.anchors.len() == self.len();
         for k in 0..self.levels.len() {
             let (v, b, n) = (self.vertices[k], self.weights[k], self.normals[k]);
-            let is_vertex = b == VERTEX;
-            let x =
-                if is_vertex { positions[v[0] as usize].coords } else { sample(positions, &v, &b) };
+            let x = sample(positions, &v, &b);
             let deficit = self.levels[k] - n.dot(&x);
             if deficit <= 0.0 {
                 continue;
@@ -159,12 +153,12 @@ impl HalfSpaces {
                 residual.max = deficit;
             }
             residual.sum_squares += deficit * deficit;
-            let w = v.map(|v| inverse_masses[v as usize]);
-            let sum = if is_vertex {
-                w[0]
-            } else {
-                w[0] * b[0] * b[0] + w[1] * b[1] * b[1] + w[2] * b[2] * b[2]
-            };
+            let w = [
+                inverse_masses[v[0] as usize],
+                inverse_masses[v[1] as usize],
+                inverse_masses[v[2] as usize],
+            ];
+            let sum = w[0] * b[0] * b[0] + w[1] * b[1] * b[1] + w[2] * b[2] * b[2];
             if sum <= 0.0 {
                 continue;
             }
@@ -174,18 +168,14 @@ impl HalfSpaces {
                 let slid = x - self.anchors[k].coords;
                 push -= friction(&(slid - n * n.dot(&slid)), self.friction * depth);
             }
-            if self.max_lever < LEVER_OF_VERTEX || !is_vertex && self.max_lever < Real::INFINITY {
+            if self.max_lever < Real::INFINITY {
                 let lever = (0..3).map(|c| w[c] * b[c]).fold(0.0, Real::max) / sum;
                 if lever > self.max_lever {
                     push *= self.max_lever / lever;
                 }
             }
-            if is_vertex {
-                positions[v[0] as usize] += push;
-            } else {
-                for c in 0..3 {
-                    positions[v[c] as usize] += push * (w[c] * b[c] / sum);
-                }
+            for c in 0..3 {
+                positions[v[c] as usize] += push * (w[c] * b[c] / sum);
             }
             self.pushed[k] = true;
         }
@@ -341,29 +331,6 @@ mod tests {
         // Each takes 4 % of what is missing: ln(1e8) / 0.04 visits and some. At once, it is thrown
         // by ten metres in the first.
         assert!(visits > 400 && (p[0], p[2]) == (start[0], start[2]));
-    }
-
-    #[test]
-    fn a_vertex_and_a_sample_that_is_one_move_alike() {
-        for max_lever in [Real::INFINITY, 4.0, 0.5] {
-            let mut contacts = HalfSpaces { max_lever, friction: 0.3, ..HalfSpaces::new() };
-            let n = Vector::new(0.6, 0.0, 0.8);
-            // The second one is not exactly a vertex.
-            for (v, weights) in [(0, VERTEX), (1, [1.0, 1e-300, 0.0])] {
-                contacts.push([v; 3], weights, n, &Point::new(0.1, 0.2, 0.3), 0.01);
-            }
-            let start = vec![Point::new(0.5, -0.25, 0.125); 2];
-            let mut p = vec![Point::new(0.375, -0.5, 0.0); 2];
-            let w = [0.5; 2];
-            contacts.begin_substep(&start, &p, &w, 0.01);
-            contacts.project(&mut p, &w);
-            if max_lever > 1.0 {
-                assert_relative_eq!(contacts.clearance(0, &p), 0.0, epsilon = 1e-15);
-            } else {
-                assert!(contacts.clearance(0, &p) < -1e-3);
-            }
-            assert_relative_eq!(p[0], p[1], epsilon = 1e-15);
-        }
     }
 
     #[test]

@@ -135,9 +135,9 @@ struct Found<const N: usize> {
 }
 
 /// Visits edges of one colour, N at a time: gathers, computes in lanes, scatters. Returns how many
-/// it visited. Multipliers that nothing reads are not written.
+/// it visited.
 #[inline(always)]
-fn visit<const N: usize, const MULTIPLIERS: bool>(
+fn visit<const N: usize>(
     lanes: Lanes<'_>,
     positions: &mut [Point],
     inverse_masses: &[Real],
@@ -157,16 +157,13 @@ fn visit<const N: usize, const MULTIPLIERS: bool>(
             (dx[l], dy[l], dz[l]) = (p.x - q.x, p.y - q.y, p.z - q.z);
             (wi[l], wj[l]) = (inverse_masses[i], inverse_masses[j]);
         }
-        if MULTIPLIERS && fresh {
+        if fresh {
             *lambda = [0.0; N];
         }
         // From here on lane by lane, each step by itself: this is what becomes SIMD.
         let length: [Real; N] =
             std::array::from_fn(|l| (dx[l] * dx[l] + dy[l] * dy[l] + dz[l] * dz[l]).sqrt());
-        let violation: [Real; N] = std::array::from_fn(|l| {
-            let off = length[l] - rest[l];
-            if MULTIPLIERS { off + scale * lambda[l] } else { off }
-        });
+        let violation: [Real; N] = std::array::from_fn(|l| length[l] - rest[l] + scale * lambda[l]);
         // One division: Δλ / length, which is 0 where nothing has a gradient or can move.
         let divisor: [Real; N] = std::array::from_fn(|l| length[l] * (wi[l] + wj[l] + softness));
         let factor: [Real; N] =
@@ -174,9 +171,7 @@ fn visit<const N: usize, const MULTIPLIERS: bool>(
                 |l| if divisor[l] > 0.0 { -violation[l] / divisor[l] } else { 0.0 },
             );
         for l in 0..N {
-            if MULTIPLIERS {
-                lambda[l] += factor[l] * length[l];
-            }
+            lambda[l] += factor[l] * length[l];
             let size = violation[l].abs();
             found.worst[l] = if size > found.worst[l] { size } else { found.worst[l] };
             found.squares[l] += violation[l] * violation[l];
@@ -215,37 +210,14 @@ impl pulp::WithSimd for Sweep<'_> {
 
     #[inline(always)]
     fn with_simd<S: pulp::Simd>(self, _simd: S) -> Residual {
-        if self.scale == 0.0 { self.over_all::<false>() } else { self.over_all::<true>() }
-    }
-}
-
-impl Sweep<'_> {
-    #[inline(always)]
-    fn over_all<const MULTIPLIERS: bool>(self) -> Residual {
         let Self { edges: e, lambda, positions, inverse_masses, softness, scale, fresh } = self;
         let mut found = Found::<LANES> { worst: [0.0; LANES], squares: [0.0; LANES], flat: 0 };
         let mut left = Found::<1> { worst: [0.0], squares: [0.0], flat: 0 };
         for range in &e.colors {
             let all = lanes(e, lambda, range.clone());
-            let done = visit::<LANES, MULTIPLIERS>(
-                all,
-                positions,
-                inverse_masses,
-                softness,
-                scale,
-                fresh,
-                &mut found,
-            );
+            let done = visit(all, positions, inverse_masses, softness, scale, fresh, &mut found);
             let tail = lanes(e, lambda, range.start + done..range.end);
-            visit::<1, MULTIPLIERS>(
-                tail,
-                positions,
-                inverse_masses,
-                softness,
-                scale,
-                fresh,
-                &mut left,
-            );
+            visit(tail, positions, inverse_masses, softness, scale, fresh, &mut left);
         }
         Residual {
             max: found.worst.into_iter().fold(left.worst[0], |m, x| if x > m { x } else { m }),
@@ -284,7 +256,7 @@ impl Constraint for Stretch {
             scale,
             fresh,
         });
-        self.fresh = fresh && scale == 0.0;
+        self.fresh = false;
         self.degenerate += (residual.count - residual.active) as u64;
         residual
     }
