@@ -108,18 +108,21 @@ impl<'a> IncrementalVerification<'a> {
         let triangles = MovedTriangles::new(mesh, &moved);
         let (below, fans, before) = (self.below, &self.fans, (&self.pairs, &self.own));
         let are_many = triangles.len() as Real > MANY * mesh.triangles().len() as Real;
-        let others = || match are_many {
-            true => all_pairs(below, tree),
-            false => {
-                let after = |(layer, before): (&&ClosedLayer, &Vec<TrianglePair>)| {
-                    pairs_after_motion(layer.bvh(), mesh, &triangles, before)
-                };
-                below.par_iter().zip(before.0).map(after).collect()
+        let others = || {
+            if are_many {
+                return all_pairs(below, tree);
             }
+            let after = |(layer, before): (&&ClosedLayer, &Vec<TrianglePair>)| {
+                pairs_after_motion(layer.bvh(), mesh, &triangles, before)
+            };
+            below.par_iter().zip(before.0).map(after).collect()
         };
-        let own = || match are_many {
-            true => own_pairs_with(mesh, tree, fans),
-            false => own_pairs_after_motion(mesh, tree, fans, &triangles, before.1),
+        let own = || {
+            if are_many {
+                own_pairs_with(mesh, tree, fans)
+            } else {
+                own_pairs_after_motion(mesh, tree, fans, &triangles, before.1)
+            }
         };
         if !triangles.is_empty() {
             let sides = || self.sides(&moved, nearby);

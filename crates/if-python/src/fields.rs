@@ -51,7 +51,8 @@ pub(crate) fn extract<'py>(
     Ok((named_arrays(py, argument, &mesh)?, report))
 }
 
-/// Default parameters, with those replaced that are given by name, as JSON. Ranges are not checked.
+/// Default parameters, with those replaced that are given by name, as JSON. Ranges are not checked. (For
+/// `with_parameter` a map is a group of parameters; here it is a choice, such as `{"cells": 6}`.)
 fn with_given(given: &[(String, String)]) -> Result<ExtractParams, NamedParameterError> {
     let mut params = ExtractParams::default();
     for (name, json) in given {

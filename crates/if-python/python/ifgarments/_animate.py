@@ -80,7 +80,8 @@ def animate(
     Raises:
         OutfitError: the layers are not a valid outfit.
         ParameterError: a parameter is unknown, out of range or given twice.
-        AnimateError: the outfit is not clean, or skeleton, weights or motion do not belong to it.
+        AnimateError: the outfit is not clean, or skeleton, weights or motion do not belong to it, or
+            another process keeps frames in ``frames``.
         ValueError, TypeError: an argument is no mesh, or no array of the right shape.
     """
     if pinch not in (None, "yield", "keep"):
