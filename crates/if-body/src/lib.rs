@@ -19,7 +19,7 @@ mod template;
 mod upright;
 
 pub use align::{AlignError, AlignParams, BodyMap, BodyShape};
-pub use motion::{BvhError, Motion, MotionError};
+pub use motion::{BvhError, Motion, MotionError, is_rate};
 pub use pose::{Pose, PoseError};
 pub use sequence::{BodySequence, SequenceError};
 pub use skeleton::{Joint, Skeleton, SkeletonError};

@@ -53,8 +53,8 @@ pub enum MotionError {
     /// There are no frames.
     #[error("the motion has no frames; give at least one")]
     Empty,
-    /// The frames per second are not positive.
-    #[error("the motion has {0} frames per second; give a positive number")]
+    /// The frames per second are none.
+    #[error("the motion has {0} frames per second; give a number from 0.001 to 100,000")]
     Rate(Real),
     /// The pose of a frame is invalid.
     #[error("frame {frame} of the motion: {source}")]
@@ -77,6 +77,11 @@ struct Frame {
 
 fn default_rate() -> Real {
     30.0
+}
+
+/// Whether so many frames per second are a rate that files of motions hold.
+pub fn is_rate(frames_per_second: Real) -> bool {
+    (1e-3..=1e5).contains(&frames_per_second)
 }
 
 /// What stands for a joint that is missing.
@@ -113,7 +118,7 @@ impl Motion {
             return Err(MotionError::Empty);
         }
         let frames_per_second = 1.0 / file.frame_time;
-        if !(frames_per_second.is_finite() && frames_per_second > 0.0) {
+        if !is_rate(frames_per_second) {
             return Err(MotionError::Rate(frames_per_second));
         }
         let pose = |(frame, (translation, turns)): (usize, (Vector, Vec<UnitQuaternion<Real>>))| {
@@ -139,7 +144,7 @@ impl Motion {
         if file.frames.is_empty() {
             return Err(MotionError::Empty);
         }
-        if !(file.fps.is_finite() && file.fps > 0.0) {
+        if !is_rate(file.fps) {
             return Err(MotionError::Rate(file.fps));
         }
         let pose = |(frame, f): (usize, &Frame)| {

@@ -1,5 +1,7 @@
 //! Folders of posed bodies: meshes of one connectivity, a file for each frame.
 
+use crate::motion::is_rate;
+use crate::pose::FARTHEST;
 use if_core::math::{Point, Real};
 use if_core::mesh::TriMesh;
 use if_mesh::file::{MeshFile, ReadError};
@@ -56,10 +58,23 @@ pub enum SequenceError {
         path.display()
     )]
     Triangle { path: PathBuf, triangle: usize, got: [u32; 3], expected: [u32; 3] },
-    /// The frames per second are not positive.
-    #[error("{0} frames per second; give a positive number")]
+    /// A vertex lies beyond what frames can store.
+    #[error("{}: vertex {vertex} is at {at:?}, farther than {FARTHEST:e} m; export the frame again", path.display())]
+    Far { path: PathBuf, vertex: usize, at: Point },
+    /// The body of a frame has another size than at rest.
+    #[error(
+        "{}: the body is {found:.3} m from corner to corner of its box, and {expected:.3} m at rest; export frames and body in metres",
+        path.display()
+    )]
+    Size { path: PathBuf, found: Real, expected: Real },
+    /// The frames per second are none.
+    #[error("{0} frames per second; give a number from 0.001 to 100,000")]
     Rate(Real),
 }
+
+/// How many times larger or smaller than at rest a body may be: a crouched one is half as long, and in
+/// centimetres it is a hundred times as large.
+const SIZES: Real = 8.0;
 
 const EXTENSIONS: [&str; 3] = ["ply", "obj", "glb"];
 
@@ -75,7 +90,7 @@ impl BodySequence {
         rest: &TriMesh,
         frames_per_second: Real,
     ) -> Result<Self, SequenceError> {
-        if !(frames_per_second.is_finite() && frames_per_second > 0.0) {
+        if !is_rate(frames_per_second) {
             return Err(SequenceError::Rate(frames_per_second));
         }
         let fault = |source| SequenceError::Io { path: folder.into(), source };
@@ -93,8 +108,10 @@ impl BodySequence {
         }
         check_order(folder, &files)?;
         let sequence = Self { files, vertices: rest.vertices().len(), frames_per_second };
-        for frame in 0..sequence.len() {
-            check_triangles(&sequence.files[frame], &sequence.mesh(frame)?, rest)?;
+        for (frame, path) in sequence.files.iter().enumerate() {
+            let file = sequence.mesh(frame)?;
+            check_triangles(path, &file, rest)?;
+            check_size(path, file.mesh(), rest)?;
         }
         Ok(sequence)
     }
@@ -126,12 +143,17 @@ impl BodySequence {
     fn mesh(&self, frame: usize) -> Result<MeshFile, SequenceError> {
         let path = &self.files[frame];
         let file = MeshFile::read(path)?;
-        let got = file.mesh().vertices().len();
-        if got == self.vertices {
-            Ok(file)
-        } else {
-            let (path, what, expected) = (path.clone(), "vertices", self.vertices);
-            Err(SequenceError::Count { path, what, got, expected })
+        let vertices = file.mesh().vertices();
+        let (got, expected) = (vertices.len(), self.vertices);
+        if got != expected {
+            let (path, what) = (path.clone(), "vertices");
+            return Err(SequenceError::Count { path, what, got, expected });
+        }
+        match vertices.iter().position(|p| p.iter().any(|x| x.abs() > FARTHEST)) {
+            None => Ok(file),
+            Some(vertex) => {
+                Err(SequenceError::Far { path: path.clone(), vertex, at: vertices[vertex] })
+            }
         }
     }
 
@@ -191,6 +213,15 @@ fn parts(name: &str) -> (String, Vec<(usize, &str)>) {
         }
     }
     (text, numbers.collect())
+}
+
+fn check_size(path: &Path, mesh: &TriMesh, rest: &TriMesh) -> Result<(), SequenceError> {
+    let [found, expected] = [mesh, rest].map(|mesh| mesh.surface_aabb().size().norm());
+    if found <= SIZES * expected && expected <= SIZES * found {
+        Ok(())
+    } else {
+        Err(SequenceError::Size { path: path.into(), found, expected })
+    }
 }
 
 fn check_triangles(path: &Path, file: &MeshFile, rest: &TriMesh) -> Result<(), SequenceError> {
@@ -270,9 +301,16 @@ mod tests {
         triangles.pop();
         write("body_3.ply", &TriMesh::new(rest.vertices().to_vec(), triangles).unwrap());
         assert!(matches!(open(), Err(SequenceError::Count { what: "triangles", .. })));
+        // In millimetres, and a vertex that lies nowhere.
+        write("body_3.ply", &scaled(1e3));
+        assert!(matches!(open(), Err(SequenceError::Size { .. })));
+        let mut vertices = rest.vertices().to_vec();
+        vertices[7].y = 1e20;
+        write("body_3.ply", &rest.with_vertices(vertices).unwrap());
+        assert!(matches!(open(), Err(SequenceError::Far { vertex: 7, .. })));
         std::fs::write(folder.path().join("body_3.ply"), "ply").unwrap();
         assert!(matches!(open(), Err(SequenceError::Mesh(_))));
-        for rate in [0.0, -1.0, Real::NAN] {
+        for rate in [0.0, -1.0, Real::NAN, 1e-300, 1e300] {
             let error = BodySequence::open(folder.path(), &rest, rate);
             assert!(matches!(error, Err(SequenceError::Rate(_))));
         }

@@ -13,6 +13,7 @@ use if_core::math::{Point, Real};
 use if_mesh::regular_file;
 use nalgebra::{Isometry3, Translation3};
 use serde::{Deserialize, Serialize};
+use std::collections::HashMap;
 use std::io::{self, Read};
 use std::path::Path;
 
@@ -99,12 +100,13 @@ impl Skeleton {
         if joints.is_empty() {
             return Err(SkeletonError::Empty);
         }
+        let mut names = HashMap::new();
         for (index, joint) in joints.iter().enumerate() {
             let name = || joint.name.clone();
             if let Some(parent) = joint.parent.filter(|p| *p >= index) {
                 return Err(SkeletonError::Parent { index, name: name(), parent: parent as i64 });
             }
-            if let Some(first) = joints[..index].iter().position(|j| j.name == joint.name) {
+            if let Some(first) = names.insert(&joint.name, index) {
                 return Err(SkeletonError::SameName { first, second: index, name: name() });
             }
             for (end, at) in [("head", joint.head), ("tail", joint.tail)] {

@@ -33,7 +33,7 @@ use if_mesh::point_cache::{PointCacheError, PointCacheWriter};
 use if_outfit::files::FilesError;
 use if_outfit::outfit::Outfit;
 use if_outfit::resolve::ResolveError;
-use if_outfit::{Split, with_parameter};
+use if_outfit::{Pinch, Split, with_parameter};
 use if_pipeline::animate::{
     AnimateError, AnimateParams, Animation, Frames, IntervalReport, between_frames, follow,
     follow_part,
@@ -140,6 +140,9 @@ pub(crate) fn animated(spec: &OutfitSpec, args: &Options) -> Result<End, Report>
     if spec.params.goal.split != Split::Never {
         return Err(AnimateFault::Split.into());
     }
+    if spec.params.goal.pinch != Pinch::Keep {
+        return Err(AnimateFault::Pinch.into());
+    }
     let moved = match files.resolve(&spec.params, &mut line) {
         Ok(resolved) => source.moved(resolved.outfit, &files)?,
         Err(FilesError::Resolve(ResolveError::Cancelled { .. })) => {
@@ -153,6 +156,11 @@ pub(crate) fn animated(spec: &OutfitSpec, args: &Options) -> Result<End, Report>
         Err(error) => return Err(LoadError::new(spec, error).into()),
     };
     let movement = moved.movement();
+    if args.gltf {
+        // Before the frames are computed, not after.
+        gltf::check(movement.outfit(), (movement.frames(), movement.frames_per_second()))
+            .map_err(|source| AnimateFault::Gltf { source })?;
+    }
     let params = args.params;
     let folder = args.out.join(FRAMES);
     let stopped = |source| match source {

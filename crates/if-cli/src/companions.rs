@@ -210,8 +210,13 @@ fn libraries_of(folder: &Path, line: &str) -> Vec<String> {
     line.split_whitespace().filter(|word| is_below(folder, word)).map(str::to_owned).collect()
 }
 
+/// Most bytes of a path that systems open.
+const LONGEST: usize = 4096;
+
 /// The file of a texture's line: its longest end that is one.
 fn texture_of(folder: &Path, line: &str) -> Option<String> {
+    let mut from = line.len().saturating_sub(LONGEST)..line.len();
+    let line = &line[from.find(|at| line.is_char_boundary(*at)).unwrap_or(line.len())..];
     let starts = line.char_indices().filter(|(at, c)| {
         !c.is_whitespace() && line[..*at].chars().next_back().is_none_or(char::is_whitespace)
     });

@@ -1,7 +1,9 @@
 //! Errors as text on stderr, and as JSON.
 
-use miette::{MietteHandlerOpts, Report};
+use miette::{Diagnostic, MietteHandler, MietteHandlerOpts, Report, ReportHandler};
 use serde::Serialize;
+use std::error::Error;
+use std::fmt;
 use std::io::{IsTerminal, Write};
 
 /// Decides once how reports are drawn: with lines and colours on a terminal, unwrapped ASCII
@@ -11,17 +13,100 @@ pub(crate) fn install() {
     let installed = miette::set_hook(Box::new(move |_| {
         let options =
             MietteHandlerOpts::new().terminal_links(false).break_words(false).force_graphical(true);
-        Box::new(if terminal {
+        Box::new(EachOnce(if terminal {
             options.build()
         } else {
             options.unicode(false).color(false).wrap_lines(false).build()
-        })
+        }))
     }));
     drop(installed); // Fails only where a hook stands already; then that one draws.
 }
 
-/// An error and its causes in one text. Some messages repeat those of their causes; drawn one below
-/// the other, as miette does, the same words would appear twice.
+/// Draws errors without causes that are in the messages above them.
+struct EachOnce(MietteHandler);
+
+impl ReportHandler for EachOnce {
+    fn debug(&self, error: &dyn Diagnostic, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let mut causes = causes(error).into_iter().rev();
+        let last = causes.next().map(|text| Cause { text, next: None });
+        let first = causes.fold(last, |next, text| Some(Cause { text, next: next.map(Box::new) }));
+        self.0.debug(&Shown { error, first }, f)
+    }
+}
+
+/// An error with other causes.
+struct Shown<'a> {
+    error: &'a dyn Diagnostic,
+    first: Option<Cause>,
+}
+
+#[derive(Debug)]
+struct Cause {
+    text: String,
+    next: Option<Box<Cause>>,
+}
+
+impl fmt::Display for Cause {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&self.text)
+    }
+}
+
+impl Error for Cause {
+    fn source(&self) -> Option<&(dyn Error + 'static)> {
+        self.next.as_deref().map(|next| next as _)
+    }
+}
+
+impl fmt::Debug for Shown<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        fmt::Debug::fmt(self.error, f)
+    }
+}
+
+impl fmt::Display for Shown<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        fmt::Display::fmt(self.error, f)
+    }
+}
+
+impl Error for Shown<'_> {
+    fn source(&self) -> Option<&(dyn Error + 'static)> {
+        self.first.as_ref().map(|first| first as _)
+    }
+}
+
+impl Diagnostic for Shown<'_> {
+    fn code<'a>(&'a self) -> Option<Box<dyn fmt::Display + 'a>> {
+        self.error.code()
+    }
+
+    fn severity(&self) -> Option<miette::Severity> {
+        self.error.severity()
+    }
+
+    fn help<'a>(&'a self) -> Option<Box<dyn fmt::Display + 'a>> {
+        self.error.help()
+    }
+
+    fn url<'a>(&'a self) -> Option<Box<dyn fmt::Display + 'a>> {
+        self.error.url()
+    }
+
+    fn source_code(&self) -> Option<&dyn miette::SourceCode> {
+        self.error.source_code()
+    }
+
+    fn labels(&self) -> Option<Box<dyn Iterator<Item = miette::LabeledSpan> + '_>> {
+        self.error.labels()
+    }
+
+    fn related<'a>(&'a self) -> Option<Box<dyn Iterator<Item = &'a dyn Diagnostic> + 'a>> {
+        self.error.related()
+    }
+}
+
+/// An error and its causes in one text.
 #[derive(Debug, thiserror::Error)]
 #[error("{0}")]
 pub(crate) struct ErrorChain(String);
@@ -33,17 +118,24 @@ impl ErrorChain {
 }
 
 /// An error with its causes, each once.
-pub fn chain(error: &dyn std::error::Error) -> String {
-    let mut text = error.to_string();
+pub fn chain(error: &dyn Error) -> String {
+    causes(error).into_iter().fold(error.to_string(), |text, cause| format!("{text}: {cause}"))
+}
+
+/// The causes of an error, from the nearest to the first, but for those that are in messages before:
+/// some repeat what they are caused by.
+fn causes(error: &dyn Error) -> Vec<String> {
+    let (mut said, mut causes) = (error.to_string(), Vec::new());
     let mut cause = error.source();
     while let Some(error) = cause {
         let more = error.to_string();
-        if !text.contains(&more) {
-            text = format!("{text}: {more}");
+        if !said.contains(&more) {
+            said = format!("{said}: {more}");
+            causes.push(more);
         }
         cause = error.source();
     }
-    text
+    causes
 }
 
 /// Draws an error on stderr.
@@ -91,7 +183,7 @@ impl ErrorJson {
         Self {
             code: report.code().map(|c| c.to_string()),
             message: report.to_string(),
-            causes: report.chain().skip(1).map(ToString::to_string).collect(),
+            causes: causes(report.as_ref()),
             help: report.help().map(|h| h.to_string()),
             at: Place::of(report),
         }

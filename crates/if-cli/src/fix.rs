@@ -16,6 +16,7 @@ use crate::shard::Shard;
 use crate::shared_body::SharedBody;
 use clap::Args;
 use miette::Report;
+use std::collections::HashMap;
 use std::path::PathBuf;
 use std::time::Instant;
 
@@ -131,13 +132,13 @@ fn out_folders(args: &FixArgs) -> Result<Vec<PathBuf>, OutputError> {
     let parent = args.out.clone().unwrap_or_else(|| "out".into());
     let folders: Vec<PathBuf> =
         files.iter().map(|f| parent.join(f.file_stem().unwrap_or(f.as_os_str()))).collect();
-    for k in 1..folders.len() {
-        let lower = |path: &PathBuf| path.to_string_lossy().to_lowercase();
-        if let Some(first) = (0..k).find(|&j| lower(&folders[j]) == lower(&folders[k])) {
+    let mut seen = HashMap::new();
+    for (k, folder) in folders.iter().enumerate() {
+        if let Some(first) = seen.insert(folder.to_string_lossy().to_lowercase(), k) {
             return Err(OutputError::SameName {
                 first: files[first].display().to_string(),
                 second: files[k].display().to_string(),
-                name: folders[k].display().to_string(),
+                name: folder.display().to_string(),
             });
         }
     }

@@ -32,7 +32,7 @@ use std::error::Error;
 use std::fs;
 use std::io;
 use std::ops::ControlFlow;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::time::Instant;
 use summary::{summary, warnings};
 
@@ -125,6 +125,8 @@ pub(crate) enum MotionFrom {
 
 /// Folder of the wardrobe for clothed people.
 const CLOTHED: &str = "clothed";
+/// What a clothed person was made of, in its folder.
+const PROVENANCE: &str = "provenance.json";
 /// What a stopped run has reached, in the wardrobe's folder, with the capture's name before it.
 const STATE: &str = "reconstruct.state";
 
@@ -160,9 +162,21 @@ fn small_bake() -> BakeParams {
     BakeParams { accuracy: 2e-3, reach: 0.01, band: 0.03, ..BakeParams::default() }
 }
 
-/// Whether a garment was made of another capture: neither its path nor its content is this one's.
-fn is_of_another(args: &ReconstructArgs, made: &Provenance) -> bool {
-    made.source != args.capture.display().to_string() && made.sha256 != meta_of(args)
+/// Whether something was made of another capture: neither its path nor its content is this one's.
+fn is_of_another(made: &Provenance, this: &Provenance) -> bool {
+    made.source != this.source && made.sha256 != this.sha256
+}
+
+/// What garments are made of.
+fn provenance(args: &ReconstructArgs) -> Provenance {
+    // The same words may name another folder elsewhere.
+    let path = args.capture.canonicalize().unwrap_or_else(|_| args.capture.clone());
+    Provenance {
+        source: path.display().to_string(),
+        sha256: meta_of(args),
+        tool: format!("ifg reconstruct {}", env!("CARGO_PKG_VERSION")),
+        licence: Vec::new(),
+    }
 }
 
 /// The content of the capture's description.
@@ -199,7 +213,8 @@ pub(crate) fn run(args: &ReconstructArgs) -> Result<End, Report> {
         format!("cannot open wardrobe `{}`", args.out.display()),
         "formats are specified in docs/reference/wardrobe.md",
     ))?;
-    refuse_taken_names(args, &wardrobe, &name, &names)?;
+    let made_of = provenance(args);
+    refuse_taken_names(args, (&wardrobe, &made_of), &name, &names)?;
     drop(wardrobe);
     let state = args.out.join(format!(".{name}.{STATE}"));
     let start = Instant::now();
@@ -230,17 +245,27 @@ pub(crate) fn run(args: &ReconstructArgs) -> Result<End, Report> {
         (_, phi) => phi.as_ref().map(PhiNetwork::to_bytes),
     };
     let network = network.transpose().map_err(fault(writing("φ"), ROOM))?;
-    let written = write_assets(args, &names, &capture, &found, network.as_deref());
-    written.map_err(|error| match error {
+    let from = (&capture, &found, &made_of);
+    let written = write_assets(args, &names, from, network.as_deref());
+    let earlier = written.map_err(|error| match error {
         WardrobeError::Busy { path } => Report::from(OutputError::Busy { path }),
         error => fault(writing("assets"), ROOM)(error).into(),
     })?;
-    write_clothed(args, &name, &capture, &template, &found)
+    let clothed = args.out.join(CLOTHED);
+    let writer = FolderWriter::wait(&clothed, PATIENCE)
+        .map_err(fault(writing("the clothed body"), ROOM))?
+        .ok_or(OutputError::Busy { path: clothed })?;
+    write_clothed(args, (&writer, &name), from, &template)
         .map_err(fault(writing("the clothed body"), ROOM))?;
     for state in [&state, &fields_checkpoint(&state)] {
         let _ = fs::remove_file(state); // of no use any more
     }
     drop(line);
+    for name in earlier {
+        errors::note(&format!(
+            "garment `{name}` stays from an earlier reconstruction of this capture: this one has not made it. Remove its folder if it is of no use"
+        ));
+    }
     let warnings = warnings(&found.report);
     if args.json {
         print_json(&found.report)?;
@@ -301,25 +326,29 @@ fn parameters(args: &ReconstructArgs) -> Result<ReconstructParams, Fault> {
 /// Refuses a capture whose garments or whose clothed person would replace those of another one.
 fn refuse_taken_names(
     args: &ReconstructArgs,
-    wardrobe: &Wardrobe,
+    (wardrobe, this): (&Wardrobe, &Provenance),
     name: &str,
     names: &[String],
 ) -> Result<(), Fault> {
-    let others = wardrobe.garments().iter().filter(|(_, g)| is_of_another(args, &g.provenance));
-    for (other, info) in others {
-        let source = &info.provenance.source;
-        let last = Path::new(source).file_name().unwrap_or_default().to_string_lossy();
-        let (what, help) = if names.contains(other) {
-            (format!("a garment `{other}`"), "give --prefix a text of its own")
-        } else if names::fitting(&last) == name {
-            (format!("a clothed person `{name}`"), "give the folder of the capture another name")
-        } else {
-            continue;
-        };
+    let taken = |what: String, made: &Provenance, help| {
         let context = format!("`{}` cannot be added", args.capture.display());
-        return Err(fault(context, help)(Taken { what, source_of: source.clone() }));
+        Err(fault(context, help)(Taken { what, source_of: made.source.clone() }))
+    };
+    let is_other = |made: &Provenance| is_of_another(made, this);
+    let mut garments = wardrobe.garments().iter().filter(|(_, g)| is_other(&g.provenance));
+    if let Some((garment, info)) = garments.find(|(garment, _)| names.contains(garment)) {
+        let what = format!("a garment `{garment}`");
+        return taken(what, &info.provenance, "give --prefix a text of its own");
     }
-    Ok(())
+    let clothed = fs::read(args.out.join(CLOTHED).join(name).join(PROVENANCE)).ok();
+    let clothed = clothed.and_then(|bytes| serde_json::from_slice::<Provenance>(&bytes).ok());
+    match clothed.filter(is_other) {
+        None => Ok(()),
+        Some(made) => {
+            let what = format!("a clothed person `{name}`");
+            taken(what, &made, "give the folder of the capture another name")
+        }
+    }
 }
 
 /// What to do where nothing could be reconstructed.
@@ -393,14 +422,17 @@ fn described(progress: &Progress, seconds_left: Option<f64>) -> String {
     text
 }
 
-/// The body and the garments, into the wardrobe.
+/// What a reconstruction is made of, it, and its provenance.
+type From<'a> = (&'a Capture, &'a Reconstruction, &'a Provenance);
+
+/// The body and the garments, into the wardrobe. Returns the names of garments that stay from an earlier
+/// reconstruction.
 fn write_assets(
     args: &ReconstructArgs,
     names: &[String],
-    capture: &Capture,
-    found: &Reconstruction,
+    (capture, found, provenance): From<'_>,
     network: Option<&[u8]>,
-) -> Result<(), WardrobeError> {
+) -> Result<Vec<String>, WardrobeError> {
     let mut wardrobe = Wardrobe::open(&args.out)?;
     let file = |name: &str| Some(args.body.join(name)).filter(|p| p.is_file());
     let mesh = file("body_clean.ply").unwrap_or_else(|| args.body.join("body.ply"));
@@ -412,18 +444,14 @@ fn write_assets(
         ..NewBody::new(&name, &mesh)
     };
     let body = wardrobe.add_body_once(&new)?;
-    let provenance = Provenance {
-        source: args.capture.display().to_string(),
-        sha256: meta_of(args),
-        tool: format!("ifg reconstruct {}", env!("CARGO_PKG_VERSION")),
-        licence: Vec::new(),
-    };
+    let mut made = vec![false; names.len()];
     for garment in &found.garments {
         let k = capture
             .garments()
             .iter()
             .position(|n| *n == garment.name)
             .expect("garments are the capture's");
+        made[k] = true;
         wardrobe.add(&Parts {
             name: &names[k],
             hint: LayerHint::of_name(&garment.name),
@@ -431,25 +459,22 @@ fn write_assets(
             mesh: &garment.mesh,
             skin: Some(&garment.skin),
             beside: None,
-            provenance: &provenance,
+            provenance,
             network,
             baked: garment.phi.as_ref(),
         })?;
     }
-    Ok(())
+    let stays = |(name, made): &(&String, bool)| !made && wardrobe.garments().contains_key(*name);
+    Ok(names.iter().zip(made).filter(stays).map(|(name, _)| name.clone()).collect())
 }
 
 /// The clothed body with its labels, a report, and where asked for the frames.
 fn write_clothed(
     args: &ReconstructArgs,
-    name: &str,
-    capture: &Capture,
+    (writer, name): (&FolderWriter, &str),
+    (capture, found, provenance): From<'_>,
     template: &TemplateBody,
-    found: &Reconstruction,
 ) -> io::Result<()> {
-    let parent = args.out.join(CLOTHED);
-    let writer = FolderWriter::wait(&parent, PATIENCE)?
-        .ok_or_else(|| io::Error::other("another process is writing there"))?;
     writer.write(name, |folder| {
         let mut properties = found.skin.to_properties();
         properties.push(Property::new("label", Column::U8(found.labels.clone())));
@@ -480,6 +505,7 @@ fn write_clothed(
             write_poses(&folder.join("poses.json"), capture.joints(), numbered)
                 .map_err(io::Error::other)?;
         }
+        fs::write(folder.join(PROVENANCE), serde_json::to_vec_pretty(provenance)?)?;
         fs::write(folder.join("report.json"), serde_json::to_vec_pretty(&found.report)?)?;
         fs::write(folder.join("report.html"), page::page(name, found)?)
     })

@@ -3,6 +3,7 @@
 use crate::outfit_file::{LayerSpec, OutfitSpec};
 use if_outfit::PreparedBody;
 use if_outfit::files::OutfitFiles;
+use std::collections::HashMap;
 use std::path::PathBuf;
 use std::sync::Arc;
 
@@ -13,19 +14,22 @@ type Key = (PathBuf, Option<String>, u64);
 /// ([`OutfitFiles::with_body`]).
 #[derive(Default)]
 pub(crate) struct SharedBody {
-    all: Vec<Key>,
+    /// How many outfits have each.
+    all: HashMap<Key, usize>,
     last: Option<(Key, Arc<PreparedBody>)>,
 }
 
 impl SharedBody {
     pub(crate) fn of<'a>(specs: impl Iterator<Item = &'a OutfitSpec>) -> Self {
-        Self { all: specs.filter_map(key).collect(), last: None }
+        let mut all = HashMap::new();
+        specs.filter_map(key).for_each(|key| *all.entry(key).or_default() += 1);
+        Self { all, last: None }
     }
 
     /// The outfit with its body prepared, if another one has it, too.
     pub(crate) fn with_body(&mut self, spec: &OutfitSpec, files: OutfitFiles) -> OutfitFiles {
         let Some(key) = key(spec) else { return files };
-        if self.all.iter().filter(|other| **other == key).count() < 2 {
+        if self.all.get(&key).is_none_or(|outfits| *outfits < 2) {
             return files;
         }
         let body = match self.last.take() {

@@ -7,14 +7,14 @@
 //! | folders in a folder, one by one; or the files of one result in place of those of an earlier one | [`FolderWriter`] |
 //!
 //! All write into a hidden file or folder beside the final one (its name begins with `.ifg-`) and
-//! rename it when everything is there. A program that ends early changes nothing; what it leaves is
-//! removed by the next writer.
+//! rename it when everything is there. A program that ends early changes nothing. What it leaves of
+//! folders the next writer removes, and of files [`remove_partial`].
 
 mod file;
 mod file_set;
 mod folders;
 mod lock;
 
-pub use file::write_file;
+pub use file::{remove_partial, write_file};
 pub use file_set::{FileSet, FileSetError};
 pub use folders::{FolderWriter, PATIENCE, is_hidden, names, restore, temporary_folder};

@@ -129,19 +129,32 @@ impl VertexAttributes {
                     Rule::Skinning | Rule::Nearest => {}
                 }
             }
-            self.normalise(&mut made, k);
+            self.normalise(&mut made, k, parts);
             self.blend_skinning(&mut made, k, source);
         }
         Self { vertices: sources.len(), properties: made, rules: self.rules.clone() }
     }
 
-    /// Normalises the normal of record `k`.
-    fn normalise(&self, made: &mut [Property], k: usize) {
+    /// Gives the normal of record `k` the length 1, or as integers the mean length of its sources.
+    /// Unsigned ones are offsets from a middle, and stay means.
+    fn normalise(&self, made: &mut [Property], k: usize, parts: &[(u32, Real)]) {
         let axes: Vec<usize> = (0..made.len()).filter(|p| self.rules[*p] == Rule::Normal).collect();
-        let length = axes.iter().map(|&p| made[p].values.get(k).powi(2)).sum::<Real>().sqrt();
-        if length > 0.0 {
+        let length = |of: &[Property], k: usize| {
+            axes.iter().map(|&p| of[p].values.get(k).powi(2)).sum::<Real>().sqrt()
+        };
+        let to = match axes.first().map(|&p| &made[p].values) {
+            Some(Column::F32(_) | Column::F64(_)) => 1.0,
+            Some(Column::I8(_) | Column::I16(_) | Column::I32(_) | Column::I64(_)) => {
+                let total: Real = parts.iter().map(|p| p.1).sum();
+                parts.iter().map(|p| p.1 * length(&self.properties, p.0 as usize)).sum::<Real>()
+                    / total
+            }
+            _ => return,
+        };
+        let found = length(made, k);
+        if found > 0.0 {
             axes.iter().for_each(|&p| {
-                let value = made[p].values.get(k) / length;
+                let value = made[p].values.get(k) / found * to;
                 made[p].values.set(k, value);
             });
         }
@@ -249,6 +262,18 @@ mod tests {
         );
         let Column::I64(big) = &made.properties()[2].values else { panic!("another type") };
         assert_eq!(big[2], i64::MAX - 1, "a copy keeps its bits");
+    }
+
+    #[test]
+    fn normals_of_whole_numbers_keep_their_length() {
+        let column = |name: &str, of: [i8; 2]| Property::new(name, Column::I8(of.to_vec()));
+        let properties = vec![column("nx", [127, 0]), column("ny", [0, 127]), column("nz", [0, 0])];
+        let made = VertexAttributes::new(2, properties).unwrap().derive(&[half(0, 1)]);
+        let of = |k: usize| made.properties()[k].values.clone();
+        assert_eq!(
+            [of(0), of(1), of(2)],
+            [Column::I8(vec![90]), Column::I8(vec![90]), Column::I8(vec![0])]
+        );
     }
 
     #[test]

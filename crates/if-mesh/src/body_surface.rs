@@ -47,7 +47,7 @@ use if_core::edges::{Edges, parts};
 use if_core::math::{Point, Real, Vector, area_vector, unit_or_zero};
 use if_core::mesh::TriMesh;
 use lids::{Surroundings, add, fan};
-use survey::Survey;
+use survey::{Part, Survey};
 use union::{INSIDE, Union};
 
 /// The closed surface of a body that is not one closed part itself, or intersects itself.
@@ -272,6 +272,28 @@ fn index(mesh: &TriMesh, keep: impl Fn(usize) -> bool) -> (Bvh, Vec<u32>) {
     (Bvh::new(&merge::with_triangles(mesh, triangles)), numbers)
 }
 
+/// Counts what the `union` of closed parts hides: whole parts, or triangles of others. `kept` are the
+/// triangles of parts with an inside.
+fn count_hidden(
+    union: &Union,
+    kept: &[usize],
+    (parts, part_of): (&[Part], &[u32]),
+    report: &mut BodyReport,
+) {
+    report.own_pairs = union.own_pairs;
+    let mut hidden_in = vec![0; parts.len()];
+    for (k, t) in kept.iter().enumerate() {
+        hidden_in[part_of[*t] as usize] += usize::from(union.hidden[k]);
+    }
+    for (part, hidden) in parts.iter().zip(hidden_in).filter(|(part, _)| part.has_inside) {
+        if hidden == part.triangles {
+            report.inner_parts += 1;
+        } else {
+            report.hidden_triangles += hidden;
+        }
+    }
+}
+
 impl Survey {
     /// Closes all parts with an inside.
     fn close(self) -> BodySurface {
@@ -314,18 +336,7 @@ impl Survey {
         let union = Union::new(&closed, &skin, &edges, &winding, &boxes);
         let hidden = |t: usize| union.as_ref().is_some_and(|u| u.hidden[t]);
         if let Some(union) = &union {
-            report.own_pairs = union.own_pairs;
-            let mut hidden_in = vec![0; parts.len()];
-            for (k, t) in kept.iter().enumerate() {
-                hidden_in[part_of[*t] as usize] += usize::from(union.hidden[k]);
-            }
-            for (part, hidden) in parts.iter().zip(hidden_in).filter(|(part, _)| part.has_inside) {
-                if hidden == part.triangles {
-                    report.inner_parts += 1;
-                } else {
-                    report.hidden_triangles += hidden;
-                }
-            }
+            count_hidden(union, &kept, (&parts, &part_of), &mut report);
         }
         let normals = PseudoNormals::new(&skin, &edges);
         let mut skin_of = vec![None; given_count];

@@ -2,7 +2,7 @@
 
 use crate::atomic::{FileSet, FileSetError};
 use crate::attributes::AttributeError;
-use crate::gltf::{self, GltfMesh};
+use crate::gltf::{self, Beside, GltfMesh};
 use crate::obj::{self, Normals, ObjMesh};
 use crate::ply::{self, CoordinateType, PlyMesh, WriteParams, quantise};
 use crate::split::SplitMesh;
@@ -324,8 +324,30 @@ impl MeshFile {
         layers: &[(&'a Self, &'a [Point])],
         path: &Path,
     ) -> Result<(), WriteError> {
+        Self::write_layers_with(layers, path, Beside::Files)
+    }
+
+    /// As [`MeshFile::write_layers`], with the buffers that a glTF file has in other files embedded in it:
+    /// so nothing beside it is written, or needed but for textures.
+    ///
+    /// # Errors
+    ///
+    /// As [`MeshFile::write_layers`].
+    pub fn write_layers_embedded<'a>(
+        layers: &[(&'a Self, &'a [Point])],
+        path: &Path,
+    ) -> Result<(), WriteError> {
+        Self::write_layers_with(layers, path, Beside::Embedded)
+    }
+
+    fn write_layers_with<'a>(
+        layers: &[(&'a Self, &'a [Point])],
+        path: &Path,
+        beside: Beside,
+    ) -> Result<(), WriteError> {
         let Some(&(first, positions)) = layers.first() else { return Ok(()) };
-        if layers.len() == 1 || Format::of(path) != Some(first.format()) {
+        let has_others = beside == Beside::Embedded && matches!(first.content, Content::Gltf(_));
+        if (layers.len() == 1 && !has_others) || Format::of(path) != Some(first.format()) {
             return first.write(path, positions); // reports the extension of another format
         }
         let gltf = |(file, positions): &(&'a Self, &'a [Point])| match &file.content {
@@ -335,7 +357,7 @@ impl MeshFile {
         let fault = || gltf::WriteError::SeveralFiles.into();
         let gltfs: Option<Vec<_>> = layers.iter().map(gltf).collect();
         let gltfs = gltfs.ok_or_else(|| WriteError::Gltf { path: path.into(), source: fault() })?;
-        write_gltf(&gltfs, path)
+        write_gltf(&gltfs, path, beside)
     }
 
     /// Writes the mesh with its vertices at `positions` and all its attributes, completely or not at
@@ -380,7 +402,7 @@ impl MeshFile {
                 obj::WriteError::Io(source) => WriteError::Io { path: name(), source },
                 e => WriteError::Obj { path: name(), source: e.into() },
             }),
-            Content::Gltf(gltf) => write_gltf(&[(gltf, positions)], path),
+            Content::Gltf(gltf) => write_gltf(&[(gltf, positions)], path, Beside::Files),
         }
     }
 
@@ -409,8 +431,12 @@ fn has_form(gltf: GltfMesh, format: Format) -> Result<GltfMesh, gltf::ReadError>
     Err(gltf::ReadError::Form { found, extension })
 }
 
-fn write_gltf(layers: &[(&GltfMesh, &[Point])], path: &Path) -> Result<(), WriteError> {
-    let files = gltf::write_layers(layers, Normals::Follow)
+fn write_gltf(
+    layers: &[(&GltfMesh, &[Point])],
+    path: &Path,
+    beside: Beside,
+) -> Result<(), WriteError> {
+    let files = gltf::write_layers(layers, Normals::Follow, beside)
         .map_err(|e| WriteError::Gltf { path: path.into(), source: e.into() })?;
     let io = |path: &Path, source| WriteError::Io { path: path.into(), source };
     let fill = |file: &mut fs::File| io::Write::write_all(file, &files.bytes);

@@ -112,6 +112,13 @@ impl Rasteriser {
         out.triangle.resize(width * height, NOTHING);
         out.depth.resize(width * height, f32::INFINITY);
 
+        self.project(positions, camera, params.near);
+        self.bin(mesh, camera, params);
+        self.fill(mesh, camera, params.cull_back, out);
+    }
+
+    /// Takes positions to the camera, and to pixels.
+    fn project(&mut self, positions: &[Point], camera: &Camera, near: Real) {
         let low = |c: Real| c.abs() <= GUARD;
         self.camera_points.resize(positions.len(), Point::origin());
         self.fixed.resize(positions.len(), OUTSIDE);
@@ -123,11 +130,15 @@ impl Rasteriser {
                 for ((q, f), p) in points.iter_mut().zip(fixed).zip(positions) {
                     *q = camera.to_camera(p);
                     let pixel = camera.to_pixel(q);
-                    let holds = q.z >= params.near && low(pixel.x) && low(pixel.y);
+                    let holds = q.z >= near && low(pixel.x) && low(pixel.y);
                     *f = if holds { fixed_point(&pixel) } else { OUTSIDE };
                 }
             });
+    }
 
+    /// Sorts triangles into bands of rows, and clips those that reach out of range.
+    fn bin(&mut self, mesh: &TriMesh, camera: &Camera, params: &RasterParams) {
+        let (width, height) = (camera.width(), camera.height());
         let bands = height.div_ceil(BAND);
         let blocks = mesh.triangles().len().div_ceil(BLOCK);
         self.bins.resize_with(blocks, Block::default);
@@ -159,9 +170,13 @@ impl Rasteriser {
                 }
             },
         );
+    }
 
+    /// Draws the triangles of each band.
+    fn fill(&self, mesh: &TriMesh, camera: &Camera, cull_back: bool, out: &mut IdBuffer) {
+        let Self { camera_points: points, fixed, bins } = self;
+        let width = out.width;
         let chunk = BAND * width;
-        let bins = &self.bins;
         out.triangle
             .par_chunks_mut(chunk)
             .zip(out.depth.par_chunks_mut(chunk))
@@ -181,7 +196,7 @@ impl Rasteriser {
                         );
                     }
                     for (id, corners) in &bin.pieces {
-                        if params.cull_back && area(corners) >= 0 {
+                        if cull_back && area(corners) >= 0 {
                             continue;
                         }
                         let tri = mesh.triangles()[*id as usize];

@@ -32,7 +32,7 @@ pub const SKIN: u8 = 1;
 pub const FIRST_GARMENT: u8 = 2;
 
 /// Subfolders of the images. `None` uses the folder named by `channels` in `meta.json`; without that,
-/// `mask_noisy` and `label_noisy` if they exist, else `mask` and `label`; and `normal`.
+/// `mask_noisy`, `label_noisy` and `normal_noisy` if they exist, else `mask`, `label` and `normal`.
 #[derive(Clone, Debug, PartialEq, Eq, Default)]
 pub struct Channels {
     /// Subfolder of the foreground masks.

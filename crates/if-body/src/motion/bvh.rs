@@ -2,6 +2,7 @@
 
 use if_core::math::{Real, Vector};
 use nalgebra::{UnitQuaternion, Vector3};
+use std::collections::HashSet;
 
 /// A BVH file cannot be read, or its joints are not those of the skeleton.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
@@ -88,10 +89,9 @@ impl Bvh {
         words.expect("HIERARCHY")?;
         words.expect("ROOT")?;
         let (joints, channels) = hierarchy(&mut words)?;
-        for (i, joint) in joints.iter().enumerate() {
-            if joints[..i].iter().any(|j| j.name == joint.name) {
-                return Err(BvhError::SameName { name: joint.name.clone() });
-            }
+        let mut names = HashSet::new();
+        if let Some(joint) = joints.iter().find(|joint| !names.insert(&joint.name)) {
+            return Err(BvhError::SameName { name: joint.name.clone() });
         }
         words.expect("Frames:")?;
         let (line, word) = words.next("the number of frames")?;
@@ -113,10 +113,22 @@ impl Bvh {
         Ok(Self { joints, frame_time, values, channels })
     }
 
-    /// The position of the root in each frame, and the rotations of all joints in the world.
-    pub(super) fn frames(&self) -> impl Iterator<Item = (Vector, Vec<UnitQuaternion<Real>>)> {
+    /// A joint and all above it, the root first.
+    pub(super) fn path(&self, joint: usize) -> Vec<usize> {
+        let above = |j: &usize| self.joints[*j].parent;
+        let mut path: Vec<usize> = std::iter::successors(Some(joint), above).collect();
+        path.reverse();
+        path
+    }
+
+    /// The position of the joint `at` in each frame, and the rotations of all joints in the world.
+    pub(super) fn frames(
+        &self,
+        at: usize,
+    ) -> impl Iterator<Item = (Vector, Vec<UnitQuaternion<Real>>)> {
+        let path = self.path(at);
         // A file without channels has no values, and no frames.
-        self.values.chunks(self.channels.max(1)).map(|row| {
+        self.values.chunks(self.channels.max(1)).map(move |row| {
             let mut turns: Vec<UnitQuaternion<Real>> = Vec::with_capacity(self.joints.len());
             for joint in &self.joints {
                 let mut turn = UnitQuaternion::identity();
@@ -128,12 +140,10 @@ impl Bvh {
                 }
                 turns.push(joint.parent.map_or(turn, |p| turns[p] * turn));
             }
-            let root = &self.joints[0];
-            let mut position = root.offset;
-            for (channel, value) in root.channels.iter().zip(row) {
-                if let Channel::Position(axis) = channel {
-                    position[*axis] = *value;
-                }
+            let mut position = Vector::zeros();
+            for joint in path.iter().map(|j| &self.joints[*j]) {
+                let from_parent = joint.translation(row);
+                position += joint.parent.map_or(from_parent, |p| turns[p] * from_parent);
             }
             (position, turns)
         })
@@ -149,6 +159,19 @@ impl Bvh {
     }
 }
 
+impl BvhJoint {
+    /// From its parent in a frame: its offset, but for the coordinates that have channels.
+    fn translation(&self, row: &[Real]) -> Vector {
+        let mut translation = self.offset;
+        for (channel, value) in self.channels.iter().zip(&row[self.first..]) {
+            if let Channel::Position(axis) = channel {
+                translation[*axis] = *value;
+            }
+        }
+        translation
+    }
+}
+
 /// The joints after `ROOT`, up to `MOTION`, and the number of their channels. Joints are kept on a
 /// list, not on the call stack, whatever the depth.
 fn hierarchy(words: &mut Words<'_>) -> Result<(Vec<BvhJoint>, usize), BvhError> {
@@ -158,7 +181,7 @@ fn hierarchy(words: &mut Words<'_>) -> Result<(Vec<BvhJoint>, usize), BvhError> 
         let (line, word) = words.next("a joint")?;
         match word {
             "OFFSET" => joints[at].offset = words.vector()?,
-            "CHANNELS" => {
+            "CHANNELS" if joints[at].channels.is_empty() => {
                 joints[at].first = channels;
                 joints[at].channels = channel_list(words)?;
                 channels += joints[at].channels.len();
@@ -176,7 +199,7 @@ fn hierarchy(words: &mut Words<'_>) -> Result<(Vec<BvhJoint>, usize), BvhError> 
             }
             "}" => current = joints[at].parent,
             _ => {
-                let expected = "OFFSET, CHANNELS, JOINT, End Site or }";
+                let expected = "OFFSET, one list of CHANNELS, JOINT, End Site or }";
                 return Err(BvhError::Syntax { line, expected, found: word.into() });
             }
         }

@@ -2,8 +2,9 @@
 
 use super::bvh::{Bvh, BvhError};
 use crate::skeleton::Skeleton;
-use if_core::math::{Real, Vector};
+use if_core::math::{Point, Real, Vector};
 use nalgebra::UnitQuaternion;
+use std::collections::HashMap;
 use std::f64::consts::FRAC_PI_2;
 
 type Turn = UnitQuaternion<Real>;
@@ -21,25 +22,29 @@ pub(super) struct Retargeted {
 /// With B the rotation of a joint of the file in the world, the skeleton's joint has W = B A there,
 /// where A turns its bone in the rest pose to that of the file: by quarter turns about y to the side
 /// that the person faces, then the shortest way. Joints that the file lacks follow their parents.
-/// Translations are scaled by the heights of the hips. The first frame is above the origin; the floor
-/// of the file, y = 0, is that of the body where its feet are near that, else its lowest joint.
+/// Translations are those of the [hips](hips), scaled by their heights; joints above them stay as they
+/// are. The first frame is above the origin; the floor of the file, y = 0, is that of the body where its
+/// feet are near that, else its lowest joint.
 ///
 /// # Errors
 ///
 /// The file has fewer than half of the joints, or its rest pose is not upright.
 pub(super) fn retarget(bvh: &Bvh, skeleton: &Skeleton) -> Result<Retargeted, BvhError> {
+    let Matches { of: matches, hips: [hips, hips_of_file] } = matches(bvh, skeleton)?;
     let rest = bvh.rest();
-    let matches = matches(bvh, skeleton)?;
-    let height = hip_height(bvh, &rest)?;
+    let rest: Vec<Vector> = rest.iter().map(|p| p - rest[hips_of_file]).collect();
+    let height = hip_height(bvh, &rest, hips_of_file)?;
     let joints = skeleton.joints();
-    let root = joints[0].head;
-    let ends = joints.iter().flat_map(|j| [j.head.y, j.tail.y]);
+    let root = joints[hips].head;
+    let is_below = below(|j| joints[j].parent, joints.len(), hips);
+    let own = joints.iter().zip(&is_below).filter(|(_, is_below)| **is_below);
+    let ends = own.flat_map(|(j, _)| [j.head.y, j.tail.y]);
     let lowest = ends.fold(root.y, Real::min);
     let scale = (root.y - lowest) / height;
     // Soles are a little lower than joints.
     let floor = if lowest.abs() < SOLE * (root.y - lowest) { 0.0 } else { lowest };
 
-    let facing = facing(skeleton, &matches, &rest);
+    let facing = facing(&root, skeleton, &matches, &rest);
     let mut align: Vec<Turn> = Vec::with_capacity(joints.len());
     for (j, joint) in joints.iter().enumerate() {
         let inherited = joint.parent.map_or(facing, |p| align[p]);
@@ -54,8 +59,9 @@ pub(super) fn retarget(bvh: &Bvh, skeleton: &Skeleton) -> Result<Retargeted, Bvh
         });
     }
 
-    let start = bvh.frames().next().map_or(Vector::zeros(), |(p, _)| Vector::new(p.x, 0.0, p.z));
-    let poses = bvh.frames().map(|(position, turns)| {
+    let first = bvh.frames(hips_of_file).next();
+    let start = first.map_or(Vector::zeros(), |(p, _)| Vector::new(p.x, 0.0, p.z));
+    let poses = bvh.frames(hips_of_file).map(|(position, turns)| {
         let mut world: Vec<Turn> = Vec::with_capacity(joints.len());
         let mut local = Vec::with_capacity(joints.len());
         for (j, joint) in joints.iter().enumerate() {
@@ -66,33 +72,88 @@ pub(super) fn retarget(bvh: &Bvh, skeleton: &Skeleton) -> Result<Retargeted, Bvh
         }
         ((position - start) * scale - Vector::y() * (root.y - floor), local)
     });
-    let missing = joints.iter().zip(&matches).filter(|(_, m)| m.is_none());
-    let unmatched = missing.map(|(joint, _)| joint.name.clone()).collect();
+    let above = above(|j| joints[j].parent, hips);
+    let missing = (0..joints.len()).filter(|j| matches[*j].is_none() && !above.contains(j));
+    let unmatched = missing.map(|j| joints[j].name.clone()).collect();
     Ok(Retargeted { poses: poses.collect(), unmatched })
 }
 
-/// The joint of the file for each joint of the skeleton: roots belong together, others if their names
-/// are alike.
-fn matches(bvh: &Bvh, skeleton: &Skeleton) -> Result<Vec<Option<usize>>, BvhError> {
-    let names: Vec<Name> = bvh.joints.iter().map(|j| Name::new(&j.name)).collect();
-    let find = |name: &str| {
-        let name = Name::new(name);
-        let exact = names.iter().position(|n| n.plain == name.plain);
-        exact.or_else(|| names.iter().position(|n| n.usual == name.usual))
+/// Which joints belong together.
+struct Matches {
+    /// The joint of the file for each joint of the skeleton.
+    of: Vec<Option<usize>>,
+    /// The hips of the skeleton and of the file.
+    hips: [usize; 2],
+}
+
+/// Hips belong together, and other joints below them if their names are alike.
+fn matches(bvh: &Bvh, skeleton: &Skeleton) -> Result<Matches, BvhError> {
+    let (mut exact, mut usual) = (HashMap::new(), HashMap::new());
+    for (k, joint) in bvh.joints.iter().enumerate() {
+        let name = Name::new(&joint.name);
+        exact.entry(name.plain).or_insert(k);
+        usual.entry(name.usual).or_insert(k);
+    }
+    let names: Vec<Name> = skeleton.names().map(Name::new).collect();
+    let find = |name: &Name| exact.get(&name.plain).or_else(|| usual.get(&name.usual)).copied();
+    let alike: Vec<Option<usize>> = names.iter().map(find).collect();
+
+    let limbs = (0..names.len()).filter(|j| names[*j].usual.0.is_some());
+    let limbs: Vec<[usize; 2]> = limbs.filter_map(|j| Some([j, alike[j]?])).collect();
+    let is_leg = |[j, _]: &[usize; 2]| LEG.contains(&names[*j].usual.1.as_str());
+    let hips = match limbs.iter().any(is_leg) {
+        true => [
+            hips(|j| skeleton.joints()[j].parent, limbs.iter().map(|limb| limb[0])),
+            hips(|k| bvh.joints[k].parent, limbs.iter().map(|limb| limb[1])),
+        ],
+        false => [0, 0],
     };
-    let of = |(j, name)| if j == 0 { Some(0) } else { find(name).filter(|k| *k != 0) };
-    let matches: Vec<Option<usize>> = skeleton.names().enumerate().map(of).collect();
-    let found = matches.iter().flatten().count();
+    let above_skeleton = above(|j| skeleton.joints()[j].parent, hips[0]);
+    let above_file = above(|k| bvh.joints[k].parent, hips[1]);
+    let of = |j: usize| match j {
+        j if j == hips[0] => Some(hips[1]),
+        j if above_skeleton.contains(&j) => None,
+        j => alike[j].filter(|k| *k != hips[1] && !above_file.contains(k)),
+    };
+    let of: Vec<Option<usize>> = (0..names.len()).map(of).collect();
+    let found = of.iter().flatten().count();
     if 2 * found < skeleton.len() {
-        let missing = skeleton.names().zip(&matches).find(|(_, m)| m.is_none());
+        let missing = skeleton.names().zip(&of).find(|(_, m)| m.is_none());
         let missing = missing.map_or("", |(name, _)| name).to_owned();
         return Err(BvhError::Joints { found, joints: skeleton.len(), missing });
     }
-    Ok(matches)
+    Ok(Matches { of, hips })
+}
+
+/// The joint from which all limbs hang: the root, or one below it where the root lies on the floor, as in
+/// many rigs of games.
+fn hips(parent: impl Fn(usize) -> Option<usize>, limbs: impl Iterator<Item = usize>) -> usize {
+    // Parents come before children: of two paths that have met no part is left to walk.
+    let common = |mut a: usize, mut b: usize| {
+        while a != b {
+            let lower = if a > b { &mut a } else { &mut b };
+            *lower = parent(*lower).unwrap_or(0);
+        }
+        a
+    };
+    limbs.reduce(common).unwrap_or(0)
+}
+
+/// Whether each of so many joints is this one or below it.
+fn below(parent: impl Fn(usize) -> Option<usize>, count: usize, joint: usize) -> Vec<bool> {
+    let mut is_below: Vec<bool> = Vec::with_capacity(count);
+    for j in 0..count {
+        is_below.push(j == joint || parent(j).is_some_and(|p| is_below[p]));
+    }
+    is_below
+}
+
+/// The joints above one.
+fn above(parent: impl Fn(usize) -> Option<usize>, joint: usize) -> Vec<usize> {
+    std::iter::successors(parent(joint), |j| parent(*j)).collect()
 }
 
 /// A joint's name in two forms that can be compared.
-#[derive(PartialEq)]
 struct Name {
     /// Letters and digits in lower case, without a prefix as in `mixamorig:LeftArm`.
     plain: String,
@@ -100,6 +161,8 @@ struct Name {
     usual: (Option<char>, String),
 }
 
+/// Usual names of the joints of a leg.
+const LEG: [&str; 3] = ["thigh", "shin", "foot"];
 /// Names for the same joint of a limb, the usual one first.
 const SYNONYMS: [&[&str]; 8] = [
     &["thigh", "upleg", "upperleg", "hip"],
@@ -143,13 +206,15 @@ impl Name {
     }
 }
 
-/// Height of the root above the lowest joint or end in the rest pose.
-fn hip_height(bvh: &Bvh, rest: &[Vector]) -> Result<Real, BvhError> {
-    let ends = bvh.joints.iter().zip(rest).filter_map(|(j, p)| j.end.map(|end| p + end));
+/// Height of the hips above the lowest joint or end below them in the rest pose, which is counted from them.
+fn hip_height(bvh: &Bvh, rest: &[Vector], hips: usize) -> Result<Real, BvhError> {
+    let is_below = below(|k| bvh.joints[k].parent, rest.len(), hips);
     let (mut low, mut high) = (Vector::zeros(), Vector::zeros());
-    for p in rest.iter().copied().chain(ends) {
-        low = low.inf(&p);
-        high = high.sup(&p);
+    let all = bvh.joints.iter().zip(rest).zip(is_below);
+    for ((joint, at), _) in all.filter(|(_, is_below)| *is_below) {
+        for p in joint.end.map(|end| at + end).into_iter().chain([*at]) {
+            (low, high) = (low.inf(&p), high.sup(&p));
+        }
     }
     let size = high - low;
     // The span of stretched arms is a person's height; legs are nearly half of it.
@@ -161,12 +226,11 @@ fn hip_height(bvh: &Bvh, rest: &[Vector]) -> Result<Real, BvhError> {
 }
 
 /// The quarter turns about y from the skeleton to the file.
-fn facing(skeleton: &Skeleton, matches: &[Option<usize>], rest: &[Vector]) -> Turn {
-    let root = skeleton.joints()[0].head;
+fn facing(hips: &Point, skeleton: &Skeleton, matches: &[Option<usize>], rest: &[Vector]) -> Turn {
     let (mut along, mut across) = (0.0, 0.0);
     for (joint, k) in skeleton.joints().iter().zip(matches) {
         if let Some(k) = k {
-            let (p, q) = (joint.head - root, rest[*k]);
+            let (p, q) = (joint.head - hips, rest[*k]);
             along += p.x * q.x + p.z * q.z;
             across += p.z * q.x - p.x * q.z;
         }

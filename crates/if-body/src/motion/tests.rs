@@ -143,6 +143,60 @@ fn a_motion_of_the_same_skeleton_in_other_units_comes_back_from_bvh() {
 }
 
 #[test]
+fn joints_above_the_hips_are_no_hips() {
+    let skeleton = crate::mannequin::rig::skeleton();
+    let poses = poses(&skeleton);
+    // As in many rigs of games: a root on the floor.
+    let root = Joint {
+        name: "root".into(),
+        parent: None,
+        head: Point::origin(),
+        tail: Point::new(0.0, 0.1, 0.0),
+    };
+    let below = |j: &Joint| Joint { parent: Some(j.parent.map_or(0, |p| p + 1)), ..j.clone() };
+    let all = std::iter::once(root).chain(skeleton.joints().iter().map(below));
+    let rooted = Skeleton::new(all.collect()).unwrap();
+    let with_root = |pose: &Pose| Pose {
+        root_translation: pose.root_translation,
+        rotations: [&[UnitQuaternion::identity()], &pose.rotations[..]].concat(),
+    };
+    let rooted_poses: Vec<Pose> = poses.iter().map(with_root).collect();
+    let (plain, with_root) =
+        (written(&skeleton, &poses, 2.0), written(&rooted, &rooted_poses, 2.0));
+    // The hips have the channels of positions, and the root none; no row changes.
+    let moved = plain.replacen("ROOT", "ROOT reference\n{\nOFFSET 0 0 0\nCHANNELS 0\nJOINT", 1);
+    let moved = moved.replacen("MOTION", "}\nMOTION", 1);
+    for text in [&plain, &with_root, &moved] {
+        for (skeleton, poses) in [(&skeleton, &poses), (&rooted, &rooted_poses)] {
+            let motion = Motion::read(text.as_bytes(), skeleton).unwrap();
+            assert_eq!(motion.unmatched, [""; 0]);
+            for (a, b) in motion.poses.iter().zip(poses) {
+                let moved = a.root_translation - b.root_translation;
+                assert!(moved.norm() < 1e-9, "{moved}");
+                assert!(a.largest_turn(b) < 1e-7, "{}", a.largest_turn(b));
+            }
+        }
+    }
+    // Channels after a child, and twice.
+    let (before, after) = plain.split_once("CHANNELS 6").unwrap();
+    let (list, rest) = after.split_once('\n').unwrap();
+    let (joints, frames) = rest.split_once("}\nMOTION").unwrap();
+    let late = format!("{before}{joints}CHANNELS 6{list}\n}}\nMOTION{frames}");
+    let rows = late.split("0.04\n").last().unwrap().lines();
+    let turned = rows.map(|row| {
+        let values: Vec<&str> = row.split(' ').collect();
+        [&values[6..], &values[..6]].concat().join(" ")
+    });
+    let rows: Vec<String> = turned.collect();
+    let late = format!("{}0.04\n{}\n", late.split("0.04\n").next().unwrap(), rows.join("\n"));
+    let motion = Motion::read(late.as_bytes(), &skeleton).unwrap();
+    assert!((motion.poses[3].root_translation - poses[3].root_translation).norm() < 1e-9);
+    let twice = plain.replacen("JOINT", "CHANNELS 0\nJOINT", 1);
+    let fault = Motion::read(twice.as_bytes(), &skeleton).unwrap_err().to_string();
+    assert!(fault.contains("found `CHANNELS`"), "{fault}");
+}
+
+#[test]
 fn bones_point_where_those_of_a_skeleton_with_another_rest_pose_point() {
     let skeleton = crate::mannequin::rig::skeleton();
     // The same person in another rest pose: arms and legs spread, faced to its left, other names.

@@ -31,6 +31,20 @@ pub(super) enum AnimateFault {
         )
     )]
     Split,
+    #[error("the body at rest cannot be drawn back in a motion: displacements are counted from it")]
+    #[diagnostic(
+        code(ifg::animate::pinch),
+        help(
+            "leave pinch = \"yield\" out of the outfit's parameters: --pinch says what the body does in frames; or write the outfit with `ifg fix --pinch yield` and animate what it writes"
+        )
+    )]
+    Pinch,
+    #[error("motion.glb cannot be written")]
+    #[diagnostic(
+        code(ifg::animate::gltf),
+        help("leave out --gltf, or take fewer frames with --every or --frames")
+    )]
+    Gltf { source: if_mesh::gltf::MotionError },
     #[error("`{}` cannot be used", path.display())]
     #[diagnostic(
         code(ifg::input::skeleton),

@@ -42,6 +42,10 @@ impl Names {
         let others = others.chain([REPORT]).map(str::to_owned).collect();
         let names = Self { caches, meshes, others };
         let inputs = inputs(spec, args);
+        if let Some(written) = named(&inputs, &args.out) {
+            // The folder of bodies: what is written there would be a body of the next run.
+            return Err(OutputError::OverInput { path: args.out.clone(), written, option: false });
+        }
         for name in names.all() {
             let path = args.out.join(name);
             if let Some(written) = named(&inputs, &path) {

@@ -6,13 +6,13 @@ use crate::output_error::OutputError;
 use crate::staging::Staging;
 use if_core::monitor::Cancelled;
 use if_mesh::file::MeshFile;
-use if_mesh::gltf::{MotionError, MotionLayer, write_motion};
-use if_outfit::outfit::Outfit;
+use if_mesh::gltf::{MotionError, MotionLayer, check_motion, write_motion};
+use if_outfit::outfit::{Layer, Outfit};
 use if_pipeline::animate::{AnimateError, Frames};
 use if_render::layer_color;
 use miette::{IntoDiagnostic, Report};
 use std::fs::File;
-use std::io::{self, BufWriter};
+use std::io::BufWriter;
 use std::path::Path;
 
 pub(super) const FILE: &str = "motion.glb";
@@ -30,6 +30,22 @@ impl From<MotionError> for Fault {
     }
 }
 
+/// Whether the file can hold so many frames at this rate.
+pub(super) fn check(outfit: &Outfit, motion: (usize, f64)) -> Result<(), MotionError> {
+    check_motion(&layers(outfit, &[]), motion)
+}
+
+/// The layers with their texture coordinates, where there are some.
+fn layers<'a>(outfit: &'a Outfit, textures: &'a [Option<Vec<[f32; 2]>>]) -> Vec<MotionLayer<'a>> {
+    let layer = |(k, layer): (usize, &'a Layer)| MotionLayer {
+        name: &layer.name,
+        mesh: &layer.mesh,
+        texture: textures.get(k).and_then(|texture| texture.as_deref()),
+        colour: layer_color(k),
+    };
+    outfit.layers().enumerate().map(layer).collect()
+}
+
 /// Writes the file, and returns its name. The layers are those of the files, in order.
 pub(super) fn write<'a>(
     (outfit, files): (&Outfit, impl Iterator<Item = &'a MeshFile>),
@@ -38,17 +54,7 @@ pub(super) fn write<'a>(
 ) -> Result<String, Report> {
     let fault = |source| OutputError::File { path: out.join(FILE), source };
     let textures: Vec<Option<Vec<[f32; 2]>>> = files.map(MeshFile::texture_coordinates).collect();
-    let layers: Vec<MotionLayer<'_>> = outfit
-        .layers()
-        .zip(&textures)
-        .enumerate()
-        .map(|(k, (layer, texture))| MotionLayer {
-            name: &layer.name,
-            mesh: &layer.mesh,
-            texture: texture.as_deref(),
-            colour: layer_color(k),
-        })
-        .collect();
+    let layers = layers(outfit, &textures);
     let mut file = BufWriter::new(File::create(staging.path(FILE)).map_err(fault)?);
     let mut positions = |frame: usize| {
         cancel::check().map_err(Fault::Cancelled)?;
@@ -58,7 +64,7 @@ pub(super) fn write<'a>(
         Ok(()) => Ok(FILE.into()),
         Err(Fault::Frame(source)) => Err(AnimateFault::Animate { source }.into()),
         Err(Fault::Motion(MotionError::Io(error))) => Err(fault(error).into()),
-        Err(Fault::Motion(error)) => Err(fault(io::Error::other(error)).into()),
+        Err(Fault::Motion(source)) => Err(AnimateFault::Gltf { source }.into()),
         Err(Fault::Cancelled(cancelled)) => Err(cancelled).into_diagnostic(),
     }
 }

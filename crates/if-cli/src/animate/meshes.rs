@@ -98,13 +98,14 @@ fn is_less_clean(walker: &Walker, proven: &[Point], stored: &[Point]) -> Result<
 /// A layer of a file, and its positions in a frame.
 type LayerInFile<'a> = (&'a MeshFile, &'a [Point]);
 
-/// Writes the layers of a file to `staged`, from where it goes to `path`.
+/// Writes the layers of a file to `staged`, from where it goes to `path`; buffers that a `.gltf` file has in
+/// other files are embedded.
 fn write_meshes_of_file(
     layers: &[LayerInFile<'_>],
     staged: &Path,
     path: &Path,
 ) -> Result<(), OutputError> {
-    MeshFile::write_layers(layers, staged).map_err(|error| match error {
+    MeshFile::write_layers_embedded(layers, staged).map_err(|error| match error {
         WriteError::Io { source, .. } => OutputError::File { path: path.into(), source },
         other => OutputError::Mesh { path: path.into(), source: ErrorChain::new(&other) },
     })

@@ -54,7 +54,7 @@ pub(super) fn write(
     let strip = std::fs::read(staging.path(STRIP)).map_err(fault(STRIP))?;
     page.picture("skinned alone, intersecting triangles in red, and as written", &strip);
     let rows: Vec<Vec<String>> =
-        report.frames.iter().map(|row| summary::cells(row).to_vec()).collect();
+        report.frames.iter().enumerate().map(|row| summary::cells(row).to_vec()).collect();
     page.heading("Frames").table(&summary::HEADER, &rows);
     if let Some(between) = between {
         page.heading("Between frames").text(&summary::between_line(between));

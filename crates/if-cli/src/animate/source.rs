@@ -67,12 +67,13 @@ impl Source {
             let sequence = sequence.part(args.range(sequence.len())?).every(args.every.get());
             return Ok(Self::Bodies(sequence));
         }
+        let fault = |source| AnimateFault::Motion { path: args.motion.clone(), source };
+        args.motion.metadata().map_err(|error| fault(error.into()))?;
         let path = args.skeleton.clone();
         let path = path.unwrap_or_else(|| spec.body.path.with_file_name("skeleton.json"));
         let skeleton = Skeleton::read_path(&path)
             .map_err(|source| AnimateFault::Skeleton { path: path.clone(), source })?;
-        let motion = Motion::read_path(&args.motion, &skeleton)
-            .map_err(|source| AnimateFault::Motion { path: args.motion.clone(), source })?;
+        let motion = Motion::read_path(&args.motion, &skeleton).map_err(fault)?;
         if args.fps.is_some() {
             return Err(AnimateFault::NoUse { what: "a motion of poses", option: "--fps" });
         }

@@ -36,7 +36,7 @@ pub(super) fn text(
     let mut rows = new_table(&HEADER, 0, table::coloured());
     let step = frames.len().div_ceil(SHOWN).max(1);
     let shown = |(k, row): &(usize, &FrameReport)| k.is_multiple_of(step) || !row.is_clean();
-    for (_, row) in frames.iter().enumerate().filter(shown) {
+    for row in frames.iter().enumerate().filter(shown) {
         rows.add_row(cells(row).map(Cell::new));
     }
     let line = |what, names: &[String]| match names {
@@ -142,10 +142,10 @@ pub(super) fn between_cells(row: &IntervalReport) -> [String; 4] {
     [row.frame.to_string(), count(row.crossings), count(row.own_crossings), first]
 }
 
-/// A frame's row.
-pub(super) fn cells(row: &FrameReport) -> [String; 12] {
+/// The row of the `k`-th frame. The first one begins from rest in any case.
+pub(super) fn cells((k, row): (usize, &FrameReport)) -> [String; 12] {
     let mm = |x: f64| format!("{:.2}", 1e3 * x);
-    let mark = match (row.reached, row.restarted && row.frame > 0) {
+    let mark = match (row.reached, row.restarted && k > 0) {
         (false, _) => " not reached",
         (true, true) => " from rest",
         _ => "",

@@ -1,6 +1,6 @@
 //! `ifg wardrobe add`.
 
-use super::opening::{Fault, open_or_begin};
+use super::opening::{Fault, open_or_begin, report};
 use crate::cancel;
 use crate::end::End;
 use crate::errors::{ErrorChain, show};
@@ -122,7 +122,7 @@ pub(super) fn run(args: &AddArgs) -> Result<End, Report> {
                 NewBody { template, skeleton, scale: args.scale, ..NewBody::new(&args.body, mesh) };
             let added = wardrobe
                 .add_body(&new)
-                .map_err(|e| Fault::new(format!("cannot add body `{}`", args.body), &e))?;
+                .map_err(|e| report(format!("cannot add body `{}`", args.body), e))?;
             print(&format!("body {}\n", args.body))?;
             added
         }
@@ -146,6 +146,7 @@ pub(super) fn run(args: &AddArgs) -> Result<End, Report> {
         drop(line);
         match added {
             Ok(text) => print(&text)?,
+            Err(error) if End::of_error(&error) == End::Busy => return Err(error),
             Err(error) => {
                 show(&error);
                 end = End::Unusable;
@@ -209,9 +210,11 @@ fn add(
         class: args.class.map_or(said.class, Into::into),
         order: args.order.unwrap_or(said.order),
     };
+    let is_one_file =
+        !matches!(file.content(), Content::Gltf(gltf) if gltf.beside().next().is_some());
     let provenance = Provenance {
         source: path.display().to_string(),
-        sha256: Some(digest(file.bytes()).sha256),
+        sha256: is_one_file.then(|| digest(file.bytes()).sha256),
         tool: tool(args.scale),
         licence,
     };
@@ -230,9 +233,8 @@ fn add(
         network: None,
         baked: baked.as_ref(),
     };
-    let info = wardrobe
-        .add(&parts)
-        .map_err(|e| Fault::new(format!("cannot add `{}`", path.display()), &e))?;
+    let info =
+        wardrobe.add(&parts).map_err(|e| report(format!("cannot add `{}`", path.display()), e))?;
     let told = format!(
         "{} ({:?}), {} triangles, {} openings\n",
         info.name,

@@ -1,12 +1,11 @@
 //! `ifg wardrobe batch`.
 
-use super::opening::{Fault, open};
+use super::opening::{Fault, open, report};
 use super::results::{FieldsArg, end_of, match_params};
 use crate::cancel;
 use crate::end::End;
 use crate::errors::{ErrorChain, note};
 use crate::inputs::ParamArgs;
-use crate::output_error::OutputError;
 use crate::print::{print, print_json};
 use crate::progress;
 use crate::shard::Shard;
@@ -153,10 +152,7 @@ pub(super) fn run(args: &BatchArgs) -> Result<End, Report> {
     let batch = BatchParams { at_once: usize::from(args.at_once), again: args.again };
     let done = batch::run(&out, &dresser, &combinations, &params, &batch, &watch);
     bar.finish_and_clear();
-    let done = done.map_err(|error| match error {
-        WardrobeError::Busy { path } => Report::from(OutputError::Busy { path }),
-        error => Fault::new(format!("cannot go on in `{}`", out.display()), &error).into(),
-    })?;
+    let done = done.map_err(|e| report(format!("cannot go on in `{}`", out.display()), e))?;
     if let Some(error) = unprinted.into_inner().unwrap_or_else(PoisonError::into_inner) {
         return Err(error);
     }

@@ -1,6 +1,6 @@
 //! `ifg wardrobe match`.
 
-use super::opening::{Fault, open};
+use super::opening::{open, report};
 use super::results::{FieldsArg, end_of, match_params};
 use crate::cancel;
 use crate::end::End;
@@ -91,12 +91,11 @@ pub(super) fn run(args: &MatchArgs) -> Result<End, Report> {
 /// The error of a combination that was not resolved.
 fn failure(out: &Path, combination: &Combination, error: WardrobeError) -> Report {
     match error {
-        WardrobeError::Busy { path } => OutputError::Busy { path }.into(),
         WardrobeError::Folder { path, source } if path.starts_with(out) => {
             OutputError::Folder { path: out.into(), source }.into()
         }
         WardrobeError::Io(source) => OutputError::Folder { path: out.into(), source }.into(),
-        error => Fault::new(format!("cannot match {combination}"), &error).into(),
+        error => report(format!("cannot match {combination}"), error),
     }
 }
 

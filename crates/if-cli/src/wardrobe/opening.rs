@@ -1,6 +1,7 @@
 //! Opening a wardrobe, and errors of wardrobes with advice.
 
 use crate::errors::ErrorChain;
+use crate::output_error::OutputError;
 use if_outfit::outfit::OutfitError;
 use if_pipeline::asset::AssetError;
 use if_pipeline::wardrobe::{Unreadable, Wardrobe, WardrobeError};
@@ -15,6 +16,14 @@ pub(crate) struct Fault {
     context: String,
     help: String,
     source: ErrorChain,
+}
+
+/// An error of a wardrobe, with what it prevents. Another process that writes there is an error of its own.
+pub(super) fn report(context: impl Into<String>, error: WardrobeError) -> Report {
+    match error {
+        WardrobeError::Busy { path } => OutputError::Busy { path }.into(),
+        error => Fault::new(context, &error).into(),
+    }
 }
 
 impl Fault {

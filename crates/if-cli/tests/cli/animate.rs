@@ -213,6 +213,9 @@ fn a_folder_of_bodies_carries_garments_without_a_skeleton() {
     let run = folder.ifg(&format!("{CARRY} --out carried --strict")).expect(0);
     assert!(run.stdout.contains("2 frames kept"), "{}", run.stdout);
     assert_eq!(folder.read("carried/trousers.pc2"), last);
+    // What is written into the folder of bodies would be a body.
+    let run = folder.ifg(&format!("{CARRY} --out bodies")).expect(2);
+    assert!(run.stderr.contains("output `bodies` is the input file `bodies` itself"));
     // A body of other vertices, and options without use.
     write("bodies/body_0003.ply", tube(0.1, 0.2, 8, 4, true));
     let run = folder.ifg(&format!("{CARRY} --out other")).expect(2);
@@ -411,6 +414,8 @@ fn motions_and_weights_that_do_not_fit_are_errors_that_name_them() {
     fails("", "frame 1 of the motion: the pose has 1 rotations for 13 joints");
     changed(&|m| m["frames"][2]["rot"][4] = json!([0, 0, 0, 0]));
     fails("", "frame 2 of the motion: rotation 4");
+    let run = folder.ifg(&format!("{ANIMATE} --out moved")).expect(2);
+    assert_eq!(run.stderr.matches("rotation 4").count(), 1, "a cause twice: {}", run.stderr);
     std::fs::write(folder.path("doll/motion.json"), r#"{"joints": [], "frames": NaN}"#).unwrap();
     fails("", "docs/animate.md");
     write(&folder, &motion());
@@ -424,6 +429,10 @@ fn motions_and_weights_that_do_not_fit_are_errors_that_name_them() {
     fails("--motion-set clearance=0.1", "unknown parameter `clearance`; valid names are `turn`, ");
     fails("--motion-set gap=wide", "parameter `gap`");
     fails("--fps 25", "has no use for --fps");
+    fails("--set pinch=yield", "the body at rest cannot be drawn back in a motion");
+    let nowhere = ANIMATE.replace("doll/motion.json", "doll/bodeis --skeleton missing.json");
+    let run = folder.ifg(&format!("{nowhere} --out moved")).expect(2);
+    assert!(run.stderr.contains("`doll/bodeis` cannot be used"), "{}", run.stderr);
     folder
         .ifg("animate --body doll/trousers.ply doll/trousers.ply --motion doll/motion.json --out moved")
         .expect(2);

@@ -120,6 +120,12 @@ fn a_body_that_was_drawn_back_is_written_with_the_garments_of_its_file() {
     folder.ifg(run).expect(0);
     let drawn = "yielded/look_drawn_back.glb";
     folder.ifg(&format!("check --strict --body {drawn}#balls {drawn}#sheet")).expect(0);
+    // The numbers of a JSON file are in the file itself, and hashed with it.
+    write_gltf(&folder, "balls", &[("balls", &balls)]);
+    let run = "fix --body balls.gltf sheet.ply --set rounds=8 --pinch yield --out json";
+    folder.ifg(run).expect(0);
+    folder.ifg("check --strict --body json/balls_drawn_back.gltf json/sheet.ply").expect(0);
+    assert!(!folder.path("json/data").exists());
 }
 
 #[test]
@@ -318,9 +324,12 @@ fn the_skin_of_a_body_moves_it() {
     let mesh = if_mesh::ply::read_path(&folder.path("doll/body_clean.ply")).unwrap().mesh;
     let last = rig::skeleton().names().last().unwrap().to_owned();
     let command = "animate --body doll/skinned.gltf doll/trousers.ply --motion doll/motion.json \
-                   --no-pictures --out moved";
+                   --no-pictures --meshes --out moved";
     write_skinned(&folder, &mesh, &last);
     let run = folder.ifg(command).expect(0);
+    // The meshes of frames need no file beside them.
+    let frame = "moved/meshes/000001";
+    folder.ifg(&format!("check --body {frame}/skinned.gltf {frame}/trousers.ply")).expect(0);
     assert!(run.stdout.contains("3 frames: 3 clean"), "{}", run.stdout);
     assert!(run.stdout.contains("Weights taken from the body: trousers"), "{}", run.stdout);
     write_skinned(&folder, &mesh, "tail");

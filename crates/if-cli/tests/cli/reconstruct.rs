@@ -124,6 +124,10 @@ fn captures_of_several_bodies_share_a_wardrobe_also_at_once() {
     folder.ifg("wardrobe list w").expect(0);
     folder.ifg("wardrobe match w --body body b_trousers a_white_shirt --out worn").expect(0);
     // Another capture of the same name does not replace the clothed person of this one.
+    let other = format!(
+        "made of another capture, `{}`",
+        folder.path("cap").canonicalize().unwrap().display()
+    );
     fs::create_dir(folder.path("elsewhere")).unwrap();
     fs::rename(folder.path("cap"), folder.path("elsewhere/cap")).unwrap();
     let meta = folder.path("elsewhere/cap/meta.json");
@@ -131,7 +135,14 @@ fn captures_of_several_bodies_share_a_wardrobe_also_at_once() {
     let clothed = folder.read("w/clothed/cap/report.json");
     let again = format!("reconstruct elsewhere/cap --body other/body --out w --prefix d_ {QUICK}");
     let run = folder.ifg(&again).expect(2);
-    for words in ["a clothed person `cap`", "made of another capture, `cap`", "another name"] {
+    for words in ["a clothed person `cap`", &other, "another name"] {
+        assert!(run.stderr.contains(words), "{words}\n{}", run.stderr);
+    }
+    // Nor its garments, though it is called by the same words elsewhere.
+    let mut same = folder
+        .command(&format!("reconstruct cap --body ../other/body --out ../w --prefix a_ {QUICK}"));
+    let run = Run::from(same.current_dir(folder.path("elsewhere")).output().unwrap()).expect(2);
+    for words in ["a garment `a_", &other, "--prefix"] {
         assert!(run.stderr.contains(words), "{words}\n{}", run.stderr);
     }
     assert_eq!(folder.read("w/clothed/cap/report.json"), clothed);

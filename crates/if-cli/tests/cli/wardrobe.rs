@@ -161,6 +161,35 @@ fn a_batch_in_shards_has_the_bytes_of_one_process() {
     assert_eq!(run.stdout.lines().count(), 2, "nothing was done again: {}", run.stdout);
     assert!(!folder.path("parts/shards").exists());
     assert!(results(&folder, "parts") == results(&folder, "whole"), "the files differ");
+    // A part of a longer list finds what the whole has; what is damaged there it replaces.
+    let longer = batch.replace("--random 9", "--random 10");
+    let damaged = results(&folder, "parts")
+        .into_iter()
+        .map(|(path, _)| folder.path("parts").join(path))
+        .find(|path| path.ends_with("result.json"));
+    std::fs::write(damaged.unwrap(), "{}").unwrap();
+    let shard = folder.ifg(&format!("{longer} --out parts --shard 1/1")).expect(0);
+    let lines = shard.stdout.lines().count();
+    assert!((3..5).contains(&lines), "two are done, not ten: {}", shard.stdout);
+    folder.ifg(&format!("{longer} --out parts")).expect(0);
+    folder.ifg(&format!("{longer} --out ten")).expect(0);
+    assert!(results(&folder, "parts") == results(&folder, "ten"), "the files differ");
+}
+
+#[test]
+fn a_body_that_is_missing_stops_no_other_outfit() {
+    let folder = belts();
+    folder.write(
+        "list.toml",
+        "[[outfit]]\nbody = \"large\"\ngarments = [\"belt0\"]\n\
+         [[outfit]]\nbody = \"slim\"\ngarments = [\"belt0\"]\n",
+    );
+    std::fs::remove_file(folder.path("w/bodies/large/body.ply")).unwrap();
+    folder.ifg("wardrobe batch w --list list.toml --no-pictures --out done").expect(1);
+    let summary: Value = serde_json::from_slice(&folder.read("done/summary.json")).unwrap();
+    assert_eq!((&summary["clean"], &summary["failed"]), (&1.into(), &1.into()), "{summary}");
+    let said = summary["entries"][0].to_string();
+    assert!(said.contains("the file is missing"), "{said}");
 }
 
 #[test]

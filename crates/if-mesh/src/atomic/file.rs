@@ -1,8 +1,12 @@
 //! A file that appears whole or not at all.
 
+use super::folders::HIDDEN;
 use std::fs::{self, File};
 use std::io::{self, ErrorKind};
 use std::path::{Path, PathBuf};
+
+/// How the names of files end that are being written.
+const PART: &str = ".part";
 
 /// Writes a file through `fill`: into a temporary file of the same folder, which takes the name
 /// `path` only after everything was written. A fault leaves what stood at `path` as it was.
@@ -45,7 +49,7 @@ pub fn write_file<E: From<io::Error>>(
         _ => PathBuf::from("."),
     };
     let mut builder = tempfile::Builder::new();
-    builder.prefix(".ifg-").suffix(".part");
+    builder.prefix(HIDDEN).suffix(PART);
     #[cfg(unix)]
     {
         use std::os::unix::fs::PermissionsExt;
@@ -55,6 +59,22 @@ pub fn write_file<E: From<io::Error>>(
     let mut part = builder.tempfile_in(folder).map_err(|e| io::Error::new(e.kind(), plain(&e)))?;
     fill(part.as_file_mut())?;
     part.persist(target).map_err(|e| e.error)?;
+    Ok(())
+}
+
+/// Removes what processes that were killed left of files in `folder`. Nobody else may write there.
+///
+/// # Errors
+///
+/// What the system returns for the folder.
+pub fn remove_partial(folder: &Path) -> io::Result<()> {
+    for entry in fs::read_dir(folder)? {
+        let entry = entry?;
+        let name = entry.file_name().to_string_lossy().into_owned();
+        if name.starts_with(HIDDEN) && name.ends_with(PART) && entry.file_type()?.is_file() {
+            fs::remove_file(entry.path())?;
+        }
+    }
     Ok(())
 }
 
@@ -83,6 +103,11 @@ mod tests {
         assert_eq!(write_file(&path, full).unwrap_err().kind(), ErrorKind::StorageFull);
         assert_eq!(fs::read(&path).unwrap(), b"old");
         assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 1);
+        // What a killed process leaves.
+        fs::write(folder.path().join(".ifg-x1.part"), "half").unwrap();
+        fs::write(folder.path().join("mine.part"), "whole").unwrap();
+        remove_partial(folder.path()).unwrap();
+        assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 2);
     }
 
     #[test]

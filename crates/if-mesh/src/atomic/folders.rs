@@ -13,7 +13,7 @@ const PARTIAL: &str = ".ifg-whole-";
 /// Prefix of a folder that is being replaced, until the new one has its name.
 const OLD: &str = ".ifg-old-";
 /// Prefix of all temporary names of this module.
-const HIDDEN: &str = ".ifg-";
+pub(super) const HIDDEN: &str = ".ifg-";
 
 /// How long to wait for another process that writes one folder, which takes a fraction of a second.
 pub const PATIENCE: Duration = Duration::from_secs(30);

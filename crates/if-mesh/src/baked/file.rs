@@ -126,76 +126,12 @@ impl Baked {
         let unseen = r.error()?;
         let lipschitz = r.positive(false)?;
         let lipschitz_at = r.at;
-        // An empty field has the empty box, whose corners are infinite.
-        let surface = Aabb {
-            min: Point::new(r.number()?, r.number()?, r.number()?),
-            max: Point::new(r.number()?, r.number()?, r.number()?),
-        };
+        let surface = r.surface()?;
         let surface_at = r.at;
-        let mut errors = Errors { reach: r.positive(true)?, ..Errors::default() };
-        if r.u32()? as usize != errors.largest.len() {
-            return Err(r.fault("the number of errors"));
-        }
-        for e in &mut errors.largest {
-            *e = r.error()?;
-        }
-        let redistanced = match r.take(1)? {
-            [0] => false,
-            [1] => true,
-            _ => return Err(r.fault("a flag")),
-        };
-        let size = [r.u32()? as usize, r.u32()? as usize, r.u32()? as usize];
-        let all = size
-            .iter()
-            .try_fold(1u64, |n, s| n.checked_mul(*s as u64))
-            .filter(|n| *n <= MAX_PLACES);
-        let longest = size.into_iter().max().unwrap_or(0).saturating_mul(SIDE);
-        let all = all
-            .filter(|_| longest < MAX_COORDINATE)
-            .ok_or_else(|| r.fault("the size of the grid"))? as usize;
-        let end = origin.coords.map(|x| x.abs() + longest as Real * cell);
-        if !end.iter().all(|x| x.is_finite()) {
-            return Err(r.fault("a grid without end"));
-        }
-        // As often as baking halves cells of a grid so large.
-        let levels =
-            (0..MAX_LEVELS).take_while(|l| longest << l < MAX_COORDINATE / 2).count() as u32;
-        let codes = r.counted()?;
-        let tree_at = r.at;
-        // Nothing is allocated before the number of nodes is checked.
-        let count = codes.iter().filter(|code| **code == 2).count();
-        let needed = count as u64 * BRICK as u64 * 16;
-        if (bytes.len() - r.at) as u64 != needed {
-            return Err(BakedFileError::Length {
-                found: bytes.len() as u64,
-                expected: r.at as u64 + needed,
-            });
-        }
-        let faulty = BakedFileError::Value { byte: tree_at, what: "the tree" };
-        if all > codes.len() || count > BRICKS {
-            return Err(faulty);
-        }
-        let tree = Tree {
-            size,
-            levels,
-            roots: Vec::with_capacity(all),
-            splits: Vec::new(),
-            places: Vec::with_capacity(count),
-        };
-        let tree = tree.read(codes, all).ok_or_else(|| faulty.clone())?;
-        let nodes = vec![[0.0; 4]; count * BRICK];
-        let mut bricks =
-            Bricks::from_parts(origin, cell, size, tree.roots, tree.splits, tree.places, nodes);
-        for node in bricks.nodes.iter_mut().flatten() {
-            let [a, b, c, d] = *r.take(4)? else { return Err(r.fault("a node")) };
-            *node = f32::from_le_bytes([a, b, c, d]);
-            if !node.is_finite() {
-                return Err(r.fault("a node"));
-            }
-        }
-        // A chain of eight splits above each brick would make three tables of 512 entries for its
-        // 2000 bytes: no field has more entries than bytes. Splits without bricks could.
-        let bricks = bricks.indexed(bytes.len()).ok_or(faulty)?;
+        let errors = r.errors()?;
+        let redistanced = r.flag()?;
+        let grid = r.grid(&origin, cell)?;
+        let bricks = r.bricks(origin, cell, grid)?;
         // Beyond the band the field is a distance: as steep as 1.
         if lipschitz * (1.0 + ROUNDING) < steepest(&bricks).max(1.0) {
             return Err(BakedFileError::Value {
@@ -203,16 +139,7 @@ impl Baked {
                 what: "a bound on the slope below that of the nodes",
             });
         }
-        let (held, hair) = (bricks.surface_box(), ROUNDING * cell);
-        let fits = if held.is_empty() {
-            surface == Aabb::EMPTY
-        } else {
-            let within = surface.inflated(hair);
-            within.contains(&held.min)
-                && within.contains(&held.max)
-                && surface.size().iter().all(|s| s.is_finite())
-        };
-        if !fits {
+        if !holds(&surface, &bricks.surface_box(), ROUNDING * cell) {
             return Err(BakedFileError::Value {
                 byte: surface_at,
                 what: "a box of the surface that does not hold it",
@@ -220,6 +147,26 @@ impl Baked {
         }
         Ok(Self { bricks, band, depth, surface, errors, unseen, lipschitz, redistanced })
     }
+}
+
+/// Whether the box of a surface is finite and holds what `held` does, up to `hair` metres.
+fn holds(surface: &Aabb, held: &Aabb, hair: Real) -> bool {
+    if held.is_empty() {
+        return *surface == Aabb::EMPTY;
+    }
+    let within = surface.inflated(hair);
+    within.contains(&held.min)
+        && within.contains(&held.max)
+        && surface.size().iter().all(|s| s.is_finite())
+}
+
+/// The grid of places of bricks.
+struct Grid {
+    size: [usize; 3],
+    /// All places.
+    count: usize,
+    /// Maximum number of halvings: as often as baking halves cells of a grid so large.
+    levels: u32,
 }
 
 struct Reader<'a> {
@@ -272,6 +219,96 @@ impl<'a> Reader<'a> {
         let value = self.number()?;
         let fits = value > 0.0 && (may_be_infinite || value.is_finite());
         if fits { Ok(value) } else { Err(self.fault("a length")) }
+    }
+
+    /// An empty field has the empty box, whose corners are infinite.
+    fn surface(&mut self) -> Result<Aabb, BakedFileError> {
+        let mut corner = || -> Result<Point, BakedFileError> {
+            Ok(Point::new(self.number()?, self.number()?, self.number()?))
+        };
+        Ok(Aabb { min: corner()?, max: corner()? })
+    }
+
+    fn errors(&mut self) -> Result<Errors, BakedFileError> {
+        let mut errors = Errors { reach: self.positive(true)?, ..Errors::default() };
+        if self.u32()? as usize != errors.largest.len() {
+            return Err(self.fault("the number of errors"));
+        }
+        for e in &mut errors.largest {
+            *e = self.error()?;
+        }
+        Ok(errors)
+    }
+
+    fn flag(&mut self) -> Result<bool, BakedFileError> {
+        match self.take(1)? {
+            [0] => Ok(false),
+            [1] => Ok(true),
+            _ => Err(self.fault("a flag")),
+        }
+    }
+
+    fn grid(&mut self, origin: &Point, cell: Real) -> Result<Grid, BakedFileError> {
+        let size = [self.u32()? as usize, self.u32()? as usize, self.u32()? as usize];
+        let count = size
+            .iter()
+            .try_fold(1u64, |n, s| n.checked_mul(*s as u64))
+            .filter(|n| *n <= MAX_PLACES);
+        let longest = size.into_iter().max().unwrap_or(0).saturating_mul(SIDE);
+        let count = count
+            .filter(|_| longest < MAX_COORDINATE)
+            .ok_or_else(|| self.fault("the size of the grid"))? as usize;
+        let end = origin.coords.map(|x| x.abs() + longest as Real * cell);
+        if !end.iter().all(|x| x.is_finite()) {
+            return Err(self.fault("a grid without end"));
+        }
+        let levels =
+            (0..MAX_LEVELS).take_while(|l| longest << l < MAX_COORDINATE / 2).count() as u32;
+        Ok(Grid { size, count, levels })
+    }
+
+    /// The tree and its nodes, to the last byte.
+    fn bricks(
+        &mut self,
+        origin: Point,
+        cell: Real,
+        Grid { size, count, levels }: Grid,
+    ) -> Result<Bricks, BakedFileError> {
+        let codes = self.counted()?;
+        let faulty = BakedFileError::Value { byte: self.at, what: "the tree" };
+        // Nothing is allocated before the number of nodes is checked.
+        let leaves = codes.iter().filter(|code| **code == 2).count();
+        let needed = leaves as u64 * BRICK as u64 * 16;
+        if (self.bytes.len() - self.at) as u64 != needed {
+            return Err(BakedFileError::Length {
+                found: self.bytes.len() as u64,
+                expected: self.at as u64 + needed,
+            });
+        }
+        if count > codes.len() || leaves > BRICKS {
+            return Err(faulty);
+        }
+        let tree = Tree {
+            size,
+            levels,
+            roots: Vec::with_capacity(count),
+            splits: Vec::new(),
+            places: Vec::with_capacity(leaves),
+        };
+        let tree = tree.read(codes, count).ok_or_else(|| faulty.clone())?;
+        let nodes = vec![[0.0; 4]; leaves * BRICK];
+        let mut bricks =
+            Bricks::from_parts(origin, cell, size, tree.roots, tree.splits, tree.places, nodes);
+        for node in bricks.nodes.iter_mut().flatten() {
+            let [a, b, c, d] = *self.take(4)? else { return Err(self.fault("a node")) };
+            *node = f32::from_le_bytes([a, b, c, d]);
+            if !node.is_finite() {
+                return Err(self.fault("a node"));
+            }
+        }
+        // A chain of eight splits above each brick would make three tables of 512 entries for its
+        // 2000 bytes: no field has more entries than bytes. Splits without bricks could.
+        bricks.indexed(self.bytes.len()).ok_or(faulty)
     }
 
     /// The error for the value that was read last.

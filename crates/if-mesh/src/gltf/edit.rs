@@ -12,6 +12,17 @@ use std::path::PathBuf;
 
 /// The component type of single-precision numbers.
 const F32: u32 = 5126;
+/// The beginning of the URIs of buffers that were in files of their own.
+const EMBEDDED: &str = "data:application/octet-stream;base64,";
+
+/// Where buffers go that a file has in other files.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Beside {
+    /// Into files beside it, of the names that it gives.
+    Files,
+    /// Into the file itself, which then needs no other.
+    Embedded,
+}
 
 /// A glTF file and the buffers in files beside it, as they will be stored.
 #[derive(Clone, Debug, PartialEq)]
@@ -95,21 +106,32 @@ impl<'a> Edit<'a> {
         Ok(())
     }
 
+    fn embed(&mut self, buffer: usize, start: &str, bytes: &[u8]) -> Result<(), WriteError> {
+        self.document()?["buffers"][buffer]["uri"] = json!(uri::data(start, bytes));
+        Ok(())
+    }
+
     /// The file with its changes.
-    pub(super) fn finish(mut self) -> Result<GltfFiles, WriteError> {
+    pub(super) fn finish(mut self, to: Beside) -> Result<GltfFiles, WriteError> {
         if self.has_replaced {
             drop_quantization(self.document()?);
         }
         let (source, mut chunk) = (self.source, None);
         let mut beside: Vec<_> =
             source.beside().map(|(path, bytes)| (path.to_path_buf(), bytes.to_vec())).collect();
-        for (buffer, bytes) in std::mem::take(&mut self.buffers) {
+        let mut changed = std::mem::take(&mut self.buffers);
+        if to == Beside::Embedded {
+            beside.clear();
+            for buffer in source.buffers_beside() {
+                let bytes = changed.remove(&buffer);
+                let bytes = bytes.as_deref().unwrap_or_else(|| source.buffer(buffer));
+                self.embed(buffer, EMBEDDED, bytes)?;
+            }
+        }
+        for (buffer, bytes) in changed {
             match source.place(buffer) {
                 Place::Chunk => chunk = Some(bytes),
-                Place::Embedded(start) => {
-                    let uri = uri::data(start, &bytes);
-                    self.document()?["buffers"][buffer]["uri"] = json!(uri);
-                }
+                Place::Embedded(start) => self.embed(buffer, start, &bytes)?,
                 Place::Beside(path) => {
                     // Two buffers of one file have both been changed, or the check finds it.
                     beside.iter_mut().filter(|(other, _)| other == path).for_each(|(_, old)| {

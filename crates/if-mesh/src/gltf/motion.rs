@@ -23,7 +23,8 @@ pub struct MotionLayer<'a> {
 #[non_exhaustive]
 #[allow(missing_docs)] // the messages say what the fields are
 pub enum MotionError {
-    /// No layer, no frame, or a rate that is none.
+    /// No layer, no frame, or a rate at which the times of frames are no ascending single-precision
+    /// numbers.
     #[error(
         "{layers} layers, {frames} frames and {rate} frames a second are no motion; give at least one of each"
     )]
@@ -53,12 +54,42 @@ const POSITION: usize = 12;
 /// Bytes of the file that are not JSON and not data: the header and two chunks' heads.
 const HEADS: u64 = 28;
 
+/// Checks that a motion of so many frames, at this rate, can be written, but for its positions.
+///
+/// # Errors
+///
+/// [`MotionError`], but for [`MotionError::Inexact`] and [`MotionError::Io`].
+pub fn check_motion(
+    layers: &[MotionLayer<'_>],
+    (frames, rate): (usize, Real),
+) -> Result<(), MotionError> {
+    let ascends = |frame: usize| time(frame, rate) > time(frame - 1, rate);
+    let has_times = frames < 2 || (ascends(1) && ascends(frames - 1));
+    let is_rate = rate > 0.0 && time(frames, rate).is_finite();
+    if layers.is_empty() || frames == 0 || !is_rate || !has_times {
+        return Err(MotionError::Empty { layers: layers.len(), frames, rate });
+    }
+    for layer in layers {
+        let (expected, found) =
+            (vertices(layer), layer.texture.map_or(vertices(layer), <[_]>::len));
+        if found != expected {
+            let what = format!("texture coordinates of layer `{}`", layer.name);
+            return Err(MotionError::Count { what, found, expected });
+        }
+    }
+    // Each frame has its positions, and a weight for each of the others.
+    let of_frame = (POSITION * layers.iter().map(vertices).sum::<usize>()) as u64;
+    let bytes = (frames as u64).saturating_mul(of_frame.saturating_add(4 * (frames as u64 - 1)));
+    if bytes > u32::MAX.into() { Err(MotionError::Size { bytes }) } else { Ok(()) }
+}
+
 /// Writes a motion as one binary file, with one animation, `motion`.
 ///
 /// The meshes are shaped as in frame 0. Each later frame is a morph target, whose weight is 1 at its
 /// time (frame / `rate` seconds) and falls to 0 until the frames beside it: between frames vertices go
 /// in straight lines. At the time of a frame viewers show exactly its positions, for these are the
 /// sums of two single-precision numbers. There are no normals, so that surfaces are shaded flat.
+/// Vertices of no triangle stay where frame 0 has them.
 ///
 /// `positions` has all vertices of a frame, layer by layer. It is asked for each frame at most twice, and no
 /// more than two are in memory at a time.
@@ -91,22 +122,15 @@ pub fn write_motion<E: From<MotionError>>(
     (frames, rate): (usize, Real),
     positions: &mut dyn FnMut(usize) -> Result<Vec<Point>, E>,
 ) -> Result<(), E> {
-    if layers.is_empty() || frames == 0 || !(rate > 0.0 && rate.is_finite()) {
-        return Err(MotionError::Empty { layers: layers.len(), frames, rate }.into());
-    }
-    for layer in layers {
-        let (expected, found) =
-            (vertices(layer), layer.texture.map_or(vertices(layer), <[_]>::len));
-        if found != expected {
-            let what = format!("texture coordinates of layer `{}`", layer.name);
-            return Err(MotionError::Count { what, found, expected }.into());
-        }
-    }
-    let first = checked(layers, 0, positions(0)?, None)?;
+    check_motion(layers, (frames, rate))?;
+    let is_used: Vec<bool> = layers.iter().flat_map(|layer| layer.mesh.used_vertices()).collect();
+    let mut checked = |frame: usize, first: Option<&[[f32; 3]]>| {
+        Ok::<_, E>(checked(layers, &is_used, (frame, positions(frame)?), first)?)
+    };
+    let first = checked(0, None)?;
     let mut bounds = vec![bounds(layers, &first)];
     for frame in 1..frames {
-        let next = checked(layers, frame, positions(frame)?, Some(&first))?;
-        bounds.push(self::bounds(layers, &next));
+        bounds.push(self::bounds(layers, &checked(frame, Some(&first))?));
     }
     let (document, data) = described(layers, (frames, rate), &bounds);
     let mut text = document.to_string().into_bytes();
@@ -129,7 +153,7 @@ pub fn write_motion<E: From<MotionError>>(
         write_numbers(writer, first.as_flattened())
     })())?;
     for frame in 1..frames {
-        let next = checked(layers, frame, positions(frame)?, Some(&first))?;
+        let next = checked(frame, Some(&first))?;
         io(write_numbers(writer, next.as_flattened()))?;
     }
     io(writer.flush())
@@ -139,11 +163,11 @@ fn vertices(layer: &MotionLayer<'_>) -> usize {
     layer.mesh.vertices().len()
 }
 
-/// The positions of a frame, or their differences from the `first`.
+/// The positions of a frame, or their differences from the `first`, where a triangle uses them.
 fn checked(
     layers: &[MotionLayer<'_>],
-    frame: usize,
-    positions: Vec<Point>,
+    is_used: &[bool],
+    (frame, positions): (usize, Vec<Point>),
     first: Option<&[[f32; 3]]>,
 ) -> Result<Vec<[f32; 3]>, MotionError> {
     let expected = layers.iter().map(vertices).sum();
@@ -155,6 +179,10 @@ fn checked(
     let mut start = 0;
     for layer in layers {
         for (vertex, at) in positions[start..start + vertices(layer)].iter().enumerate() {
+            if first.is_some() && !is_used[start + vertex] {
+                rows.push([0.0; 3]);
+                continue;
+            }
             let from = first.map_or([0.0; 3], |first| first[start + vertex]);
             let row = [0, 1, 2].map(|k| (at[k] - Real::from(from[k])) as f32);
             let is_exact = (0..3).all(|k| Real::from(from[k] + row[k]) == at[k]);
@@ -432,6 +460,23 @@ mod tests {
     }
 
     #[test]
+    fn a_vertex_of_no_triangle_stays() {
+        let [body, _] = two();
+        let with_one = |body: &TriMesh| [body.vertices(), &[Point::new(5.0, 0.0, 0.0)]].concat();
+        let mesh = TriMesh::new(with_one(&body), body.triangles().to_vec()).unwrap();
+        let layers = [MotionLayer { name: "body", mesh: &mesh, texture: None, colour: [0.5; 3] }];
+        let mut bytes = Vec::new();
+        let mut frame = |k: usize| {
+            let mut positions = moved(&mesh, k);
+            // No difference from the first frame that single precision holds.
+            positions.last_mut().unwrap().x = 5.0 + k as Real * (1.0 + 1e-6f32 as Real);
+            Ok::<_, MotionError>(positions)
+        };
+        write_motion(&mut bytes, &layers, (2, 30.0), &mut frame).unwrap();
+        assert_eq!(read(bytes).unwrap().mesh().vertices(), moved(&mesh, 0));
+    }
+
+    #[test]
     fn a_single_frame_has_no_animation() {
         let [body, _] = two();
         let layers = [MotionLayer { name: "body", mesh: &body, texture: None, colour: [0.5; 3] }];
@@ -472,9 +517,11 @@ mod tests {
             error.to_string().contains("positions of frame 1: 41 were given for 42"),
             "{error}"
         );
-        for motion in [(0, 24.0), (2, 0.0), (2, Real::INFINITY)] {
+        for motion in [(0, 24.0), (2, 0.0), (2, Real::INFINITY), (2, 1e-300), (2, 1e300)] {
             assert!(matches!(fault(layer, motion, &|_, _| ()), MotionError::Empty { .. }));
         }
+        let error = fault(layer, (10_000_000, 24.0), &|_, _| ());
+        assert!(matches!(error, MotionError::Size { .. }), "{error}");
         layer.texture = Some(&[[0.0; 2]]);
         let error = fault(layer, (2, 24.0), &|_, _| ());
         assert!(error.to_string().contains("texture coordinates of layer `body`: 1"), "{error}");

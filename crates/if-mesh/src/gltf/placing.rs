@@ -52,6 +52,11 @@ impl Placing {
         self.map == Affine::IDENTITY && self.morph == Vector::zeros()
     }
 
+    /// Whether triangles turn over: the scene has their corners in the other order.
+    pub(super) fn is_mirrored(&self) -> bool {
+        self.map.linear.determinant() < 0.0
+    }
+
     /// From the file to the scene.
     pub(super) fn forward(&self, stored: [f32; 3]) -> Point {
         let p = Vector::from(stored.map(Real::from)) + self.morph;

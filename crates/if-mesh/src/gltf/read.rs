@@ -29,6 +29,8 @@ const INDICES: Wanted = Wanted {
 /// Positions, of 12 bytes each, may be as many times the bytes of the file, so that a mesh may be
 /// shown by several nodes.
 const INSTANCES: usize = 16;
+/// Elements that a primitive counts for each time that a node shows it, whatever it holds.
+const SHOWN: usize = 16;
 
 /// Reads the triangles of the default scene of a file without files beside it.
 ///
@@ -86,7 +88,11 @@ pub(super) fn read_with(
             }
             let part = reader.part(node, [mesh, primitive], &placed, &mut vertices)?;
             let corners = reader.corners([mesh, primitive], part)?;
-            for corners in triangles_of(mode, &corners) {
+            let Part { first, placings, .. } = &reader.parts[part];
+            for mut corners in triangles_of(mode, &corners) {
+                if placings.of(corners[0] as usize - first).is_mirrored() {
+                    corners.swap(1, 2);
+                }
                 if corners[0] == corners[1] || corners[1] == corners[2] || corners[2] == corners[0]
                 {
                     collapsed.push(faces);
@@ -176,6 +182,7 @@ impl Reader<'_> {
         if let Some((_, part)) = last.filter(|(shown_by, _)| *shown_by == node) {
             return Ok(*part);
         }
+        self.data.spend(SHOWN, "of primitives")?;
         let positions = self.data.elements(accessor, &POSITION)?;
         let sum = (vertices.len() + positions.count).saturating_mul(12);
         if sum > INSTANCES.saturating_mul(self.data.size) {

@@ -127,6 +127,12 @@ impl Source {
         &self.buffers[k].place
     }
 
+    /// The numbers of the buffers in files beside this one.
+    pub(super) fn buffers_beside(&self) -> impl Iterator<Item = usize> {
+        let is_beside = |(_, buffer): &(usize, &Buffer)| matches!(buffer.place, Place::Beside(_));
+        self.buffers.iter().enumerate().filter(is_beside).map(|(k, _)| k)
+    }
+
     /// The buffers in files beside this one.
     pub(super) fn beside(&self) -> impl Iterator<Item = (&Path, &[u8])> {
         self.buffers.iter().filter_map(|buffer| match &buffer.place {

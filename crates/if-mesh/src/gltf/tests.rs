@@ -130,6 +130,26 @@ fn all_triangles_of_the_scene_are_read_where_the_scene_shows_them() {
 }
 
 #[test]
+fn nodes_that_mirror_keep_the_outside_out() {
+    let mut builder = Builder::new();
+    builder.square(0.0, json!({}));
+    builder.square(0.0, json!({"scale": [-1, 1, 1]}));
+    builder.square(0.0, json!({"scale": [-1, -1, 1]}));
+    let glb = builder.read().unwrap();
+    for (t, _) in glb.mesh().triangles().iter().enumerate() {
+        let [a, b, c] = glb.mesh().corners(t);
+        assert!((b - a).cross(&(c - a)).z > 0.0, "triangle {t}");
+    }
+    assert_eq!(glb.mesh().triangles()[2], [4, 6, 5]);
+    let moved: Vec<Point> = glb.mesh().vertices().iter().map(|p| p + Vector::z() * 0.5).collect();
+    let again = read(written(&glb, &moved)).unwrap();
+    assert_eq!(
+        (again.mesh().triangles(), again.mesh().vertices()),
+        (glb.mesh().triangles(), &moved[..])
+    );
+}
+
+#[test]
 fn without_moves_the_bytes_stay_and_else_only_what_moved_and_its_bounds() {
     let mut builder = Builder::new();
     builder.square(0.0, json!({"name": "shirt"}));
@@ -302,22 +322,23 @@ fn a_node_is_a_layer_and_several_are_written_into_one_file() {
         glb.positions_as_written(&moved)
     };
     let (x, y) = (moved(&shirt, 0.25), moved(&coat, -0.125));
-    let out = write_layers(&[(&shirt, &x), (&coat, &y)], Normals::Follow).unwrap().bytes;
+    let out =
+        write_layers(&[(&shirt, &x), (&coat, &y)], Normals::Follow, Beside::Files).unwrap().bytes;
     for (name, expected) in [("shirt", &x), ("coat", &y)] {
         assert_eq!(read_layer(out.clone(), Some(name), None).unwrap().mesh().vertices(), expected);
     }
     // Nothing moved: the very bytes.
     let still = [(&shirt, shirt.mesh().vertices()), (&coat, coat.mesh().vertices())];
-    assert_eq!(write_layers(&still, Normals::Follow).unwrap().bytes, bytes);
+    assert_eq!(write_layers(&still, Normals::Follow, Beside::Files).unwrap().bytes, bytes);
     // The same vertices twice, and layers of two files.
     let twice = [(&coat, &y[..]), (&outer, outer.mesh().vertices())];
-    let fault = write_layers(&twice, Normals::Follow).unwrap_err();
+    let fault = write_layers(&twice, Normals::Follow, Beside::Files).unwrap_err();
     assert!(matches!(fault, WriteError::Overlap), "{fault}");
     let other = builder.square(9.0, json!({"name": "hat"}));
     let hat = read_layer(builder.bytes(), Some("hat"), None).unwrap();
     assert_eq!(other, 3);
     let two = [(&coat, &y[..]), (&hat, hat.mesh().vertices())];
-    let fault = write_layers(&two, Normals::Follow).unwrap_err();
+    let fault = write_layers(&two, Normals::Follow, Beside::Files).unwrap_err();
     assert!(matches!(fault, WriteError::SeveralFiles), "{fault}");
 }
 

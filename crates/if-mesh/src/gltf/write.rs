@@ -1,7 +1,7 @@
 //! The glTF writer.
 
 use super::accessor::Elements;
-use super::edit::{Edit, GltfFiles};
+use super::edit::{Beside, Edit, GltfFiles};
 use super::error::WriteError;
 use super::gltf_mesh::{GltfMesh, Part};
 use super::read::read_with;
@@ -22,10 +22,11 @@ pub fn write(
     positions: &[Point],
     normals: Normals,
 ) -> Result<GltfFiles, WriteError> {
-    write_layers(&[(gltf, positions)], normals)
+    write_layers(&[(gltf, positions)], normals, Beside::Files)
 }
 
-/// Several layers of one file, each with its vertices at its positions.
+/// Several layers of one file, each with its vertices at its positions, and its buffers of other files
+/// beside it or embedded.
 ///
 /// # Errors
 ///
@@ -33,6 +34,7 @@ pub fn write(
 pub fn write_layers(
     layers: &[(&GltfMesh, &[Point])],
     normals: Normals,
+    beside: Beside,
 ) -> Result<GltfFiles, WriteError> {
     let Some(&(gltf, _)) = layers.first() else { return Err(WriteError::SeveralFiles) };
     if layers.iter().any(|(other, _)| !other.is_in_file_of(gltf)) {
@@ -57,7 +59,7 @@ pub fn write_layers(
             }
         }
     }
-    let files = edit.finish()?;
+    let files = edit.finish(beside)?;
     if files.bytes != gltf.source.bytes {
         // What is read back must be what was meant, also of files whose data overlap.
         for (gltf, positions) in layers {

@@ -152,6 +152,15 @@ struct Ballot {
     weight: f32,
 }
 
+/// The ballots of a row of pixels, and its counts for the report.
+#[derive(Default)]
+struct Row {
+    ballots: Vec<Ballot>,
+    pixels: usize,
+    near_edge: usize,
+    mute: usize,
+}
+
 impl<'a> Voter<'a> {
     /// For a mesh, in any pose, and label images of `labels` labels, including the background (0).
     ///
@@ -280,56 +289,64 @@ impl<'a> Voter<'a> {
             let (column, row) = (at % (width / parts), at / (width / parts));
             return Err(LabelError::Label { column, row, label, labels });
         }
-        let labels = &enlarged(labels, width, parts);
+        let rows = self.ballots(&enlarged(labels, width, parts), &camera, parts);
+        let touched = self.count(&rows);
+        self.tally(&touched);
+        self.report.cast += 1;
+        Ok(())
+    }
+
+    /// Ballots and counts of each row of pixels, in parallel.
+    fn ballots(&self, labels: &[u8], camera: &Camera, parts: usize) -> Vec<Row> {
+        let Self { seen, rasteriser, mesh, .. } = self;
         // Half a pixel less: with a whole one 68 instead of 99 % of the skin's vertices got their label
         // in 8 frames of 96² with noise.
         let margin = (parts * self.params.margin).saturating_sub(parts / 2);
-        let edges = image_edges(&self.seen, labels, margin, self.params.step);
-        let (seen, rasteriser, mesh) = (&self.seen, &self.rasteriser, self.mesh);
-        // Ballots and counts of each row of pixels, in parallel.
-        let rows: Vec<(Vec<Ballot>, [usize; 3])> = (0..seen.height)
-            .into_par_iter()
-            .map(|row| {
-                let (mut ballots, mut counts) = (Vec::new(), [0; 3]);
-                for column in 0..width {
-                    let at = row * width + column;
-                    let triangle = seen.triangle[at];
-                    if triangle == NOTHING {
-                        continue;
-                    }
-                    // A pixel is counted at one of its parts.
-                    let pixel =
-                        usize::from((row % parts, column % parts) == (parts / 2, parts / 2));
-                    counts[0] += pixel;
-                    if edges[at] {
-                        counts[1] += pixel;
-                        continue;
-                    }
-                    match rasteriser.hit(mesh, &camera, triangle, column, row) {
-                        Some((bary, cos)) if cos > 0.0 && labels[at] != UNDECIDED => {
-                            ballots.push(Ballot {
-                                triangle,
-                                label: labels[at],
-                                bary: bary.map(|b| b as f32),
-                                weight: (cos * cos) as f32,
-                            })
-                        }
-                        _ => counts[2] += pixel,
-                    }
+        let edges = image_edges(seen, labels, margin, self.params.step);
+        let row = |row: usize| {
+            let mut found = Row::default();
+            for column in 0..seen.width {
+                let at = row * seen.width + column;
+                let triangle = seen.triangle[at];
+                if triangle == NOTHING {
+                    continue;
                 }
-                (ballots, counts)
-            })
-            .collect();
+                // A pixel is counted at one of its parts.
+                let pixel = usize::from((row % parts, column % parts) == (parts / 2, parts / 2));
+                found.pixels += pixel;
+                if edges[at] {
+                    found.near_edge += pixel;
+                    continue;
+                }
+                match rasteriser.hit(mesh, camera, triangle, column, row) {
+                    Some((bary, cos)) if cos > 0.0 && labels[at] != UNDECIDED => {
+                        found.ballots.push(Ballot {
+                            triangle,
+                            label: labels[at],
+                            bary: bary.map(|b| b as f32),
+                            weight: (cos * cos) as f32,
+                        })
+                    }
+                    _ => found.mute += pixel,
+                }
+            }
+            found
+        };
+        (0..seen.height).into_par_iter().map(row).collect()
+    }
 
-        // Summed in order, so that the bits do not depend on threads.
+    /// Sums ballots at vertices, and returns those that have some. In order, so that the bits do not
+    /// depend on threads.
+    fn count(&mut self, rows: &[Row]) -> Vec<u32> {
         let stride = self.labels + 1;
         let mut touched: Vec<u32> = Vec::new();
-        for (ballots, [pixels, near_edge, mute]) in &rows {
-            self.report.pixels += pixels;
-            self.report.near_edge += near_edge;
-            self.report.mute += mute;
-            for ballot in ballots {
-                for (v, b) in mesh.triangles()[ballot.triangle as usize].iter().zip(ballot.bary) {
+        for row in rows {
+            self.report.pixels += row.pixels;
+            self.report.near_edge += row.near_edge;
+            self.report.mute += row.mute;
+            for ballot in &row.ballots {
+                let corners = self.mesh.triangles()[ballot.triangle as usize];
+                for (v, b) in corners.iter().zip(ballot.bary) {
                     let w = &mut self.frame[*v as usize * stride..][..stride];
                     if b > 0.0 {
                         if w[self.labels] == 0.0 {
@@ -341,26 +358,29 @@ impl<'a> Voter<'a> {
                 }
             }
         }
-        // Each vertex gets at most one vote per frame.
+        touched
+    }
+
+    /// Gives each vertex with ballots its one vote of the frame, divided among labels.
+    fn tally(&mut self, touched: &[u32]) {
+        let stride = self.labels + 1;
         let frame = self.report.empty + self.report.covered + self.report.cast;
         let mut own = FrameVotes { frame, votes: Vec::new() };
         for v in touched {
-            let w = &mut self.frame[v as usize * stride..][..stride];
+            let w = &mut self.frame[*v as usize * stride..][..stride];
             let scale = 1.0 / (w[self.labels] + HALF);
-            let votes = &mut self.votes[v as usize * self.labels..][..self.labels];
+            let votes = &mut self.votes[*v as usize * self.labels..][..self.labels];
             for (label, (vote, w)) in votes.iter_mut().zip(w.iter()).enumerate() {
                 let one = w * scale;
                 *vote += Real::from(one);
-                self.total[v as usize] += Real::from(one);
+                self.total[*v as usize] += Real::from(one);
                 if one > 0.0 {
-                    own.votes.push((v, label as u8, one));
+                    own.votes.push((*v, label as u8, one));
                 }
             }
             w.fill(0.0);
         }
         self.frames.push(own);
-        self.report.cast += 1;
-        Ok(())
     }
 
     /// The report so far.

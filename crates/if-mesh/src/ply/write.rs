@@ -240,7 +240,11 @@ fn rotate_normals(properties: &mut [Cow<'_, Property>], mesh: &TriMesh, position
             match &mut properties[k].to_mut().values {
                 Column::F32(c) => c[v] = n[axis] as f32,
                 Column::F64(c) => c[v] = n[axis],
-                _ => {} // integer normals stay
+                Column::I8(c) => c[v] = n[axis].round() as i8,
+                Column::I16(c) => c[v] = n[axis].round() as i16,
+                Column::I32(c) => c[v] = n[axis].round() as i32,
+                Column::I64(c) => c[v] = n[axis].round() as i64,
+                _ => {} // offsets from a middle that the file does not say
             }
         }
     }

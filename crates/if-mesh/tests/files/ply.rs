@@ -284,6 +284,17 @@ fn normals_of_vertices_turn_with_the_surface() {
     for (y, n) in again.vertex_property("ny").unwrap().values.to_f64().iter().zip(&normals) {
         approx::assert_relative_eq!(*y, -n.z, epsilon = 1e-7); // a unit in the last place of f32
     }
+    // As whole numbers, the longest of which is 127.
+    for (property, axis) in ply.vertex_properties.iter_mut().zip(0..) {
+        property.values =
+            Column::I8(normals.iter().map(|n| (127.0 * n[axis]).round() as i8).collect());
+    }
+    let mut bytes = Vec::new();
+    ply::write(&ply, &turned, &WriteParams::default(), &mut bytes).unwrap();
+    let again = ply::read_bytes(&bytes).unwrap();
+    for (y, n) in again.vertex_property("ny").unwrap().values.to_f64().iter().zip(&normals) {
+        assert!((*y + 127.0 * n.z).abs() <= 1.5, "{y} {n}");
+    }
 }
 
 #[test]

@@ -62,7 +62,8 @@ impl ResolvedFiles {
     }
 
     /// Writes a body that was drawn back to `path`, whole or not at all, with all attributes of its
-    /// file; garments that are nodes of that file are where they are now, too. Does nothing if
+    /// file; garments that are nodes of that file are where they are now, too, and buffers that a `.gltf`
+    /// file has in other files are embedded. Does nothing if
     /// [`ResolvedFiles::drawn_back_file_name`] is `None`.
     ///
     /// # Errors
@@ -75,7 +76,7 @@ impl ResolvedFiles {
                     (0..self.files.len()).filter(|k| in_one_file(body, &self.files[*k]));
                 let garments = with_body.map(|k| (&*self.files[k], &self.positions[k][..]));
                 let layers = std::iter::once((&**body, &positions[..])).chain(garments);
-                MeshFile::write_layers(&layers.collect::<Vec<_>>(), path)
+                MeshFile::write_layers_embedded(&layers.collect::<Vec<_>>(), path)
             }
             None => Ok(()),
         }
@@ -103,9 +104,9 @@ impl ResolvedFiles {
     ///
     /// # Errors
     ///
-    /// Two files of one name (case does not count), that of a body that was drawn back
-    /// ([`ResolvedFiles::drawn_back_file_name`]) included, or a garment from memory whose name is no
-    /// file's.
+    /// Two files of one name (case does not count), those with the buffers of `.gltf` files and that of a
+    /// body that was drawn back ([`ResolvedFiles::drawn_back_file_name`]) included, or a garment from
+    /// memory whose name is no file's.
     pub fn output_files(&self) -> Result<Vec<(PathBuf, Vec<usize>)>, FilesError> {
         let mut found: Vec<(PathBuf, Vec<usize>)> = Vec::new();
         for k in 0..self.files.len() {
@@ -122,17 +123,7 @@ impl ResolvedFiles {
                 }
             }
         }
-        if let Some(body) = self.drawn_back_file_name()
-            && let Some((file, ks)) =
-                found.iter().find(|(name, _)| name.as_os_str().eq_ignore_ascii_case(&body))
-        {
-            let first = self.outfit.garments[ks[0]].name.clone();
-            return Err(FilesError::SameFile {
-                first,
-                second: self.outfit.body.name.clone(),
-                file: file.clone(),
-            });
-        }
+        self.check_names(&found)?;
         Ok(found)
     }
 
@@ -165,6 +156,32 @@ impl ResolvedFiles {
             written.push(path);
         }
         Ok(written)
+    }
+
+    /// Checks that no two of all files to be written have one name.
+    fn check_names(&self, found: &[(PathBuf, Vec<usize>)]) -> Result<(), FilesError> {
+        let mut all: Vec<(&Path, &str)> = Vec::new();
+        let drawn_back = self.drawn_back_file_name().map(PathBuf::from);
+        let drawn_back = drawn_back.iter().map(|body| (body.as_path(), &self.outfit.body));
+        let garments = found.iter().flat_map(|(name, ks)| {
+            let beside = match self.files[ks[0]].content() {
+                Content::Gltf(gltf) => Some(gltf.beside().map(|(path, _)| path)),
+                _ => None,
+            };
+            let names = std::iter::once(name.as_path()).chain(beside.into_iter().flatten());
+            names.map(|name| (name, &self.outfit.garments[ks[0]]))
+        });
+        for (name, layer) in garments.chain(drawn_back) {
+            let same = |(other, _): &&(&Path, &str)| {
+                other.as_os_str().eq_ignore_ascii_case(name.as_os_str())
+            };
+            if let Some((_, first)) = all.iter().find(same) {
+                let [first, second] = [first, &layer.name[..]].map(String::from);
+                return Err(FilesError::SameFile { first, second, file: name.into() });
+            }
+            all.push((name, &layer.name));
+        }
+        Ok(())
     }
 
     fn file_name(&self, k: usize) -> Result<PathBuf, FilesError> {

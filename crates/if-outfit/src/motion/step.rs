@@ -2,12 +2,14 @@
 
 use super::attempt::Attempt;
 use super::concerned::concerned;
-use super::contact::{Opening, Search};
-use super::equilibrium::solve;
+use super::contact::{Contact, Opening, Search};
+use super::equilibrium::{Multipliers, Solved, solve};
 use super::locality::Yielding;
 use super::turn::turns;
 use super::walk::Walker;
 use if_core::math::{Point, Real};
+use if_core::mesh::TriMesh;
+use if_mesh::index::Bvh;
 
 /// Steps for which triangles that intersected are held apart.
 const KEPT: u32 = 12;
@@ -55,7 +57,7 @@ impl Walker {
         let (mut contacts, mut known) = (search.contacts(), clean.known());
         let near = contacts.len();
         let mut met = self.met.clone();
-        let (mut solves, mut sweeps, mut x) = (0, 0, Vec::new());
+        let (mut solves, mut sweeps) = (0, 0);
         let reach = params.body_reach;
         let (mut most, mut widened) = (params.solves, false);
         // What is left after the last solve.
@@ -65,21 +67,11 @@ impl Walker {
             for (pair, (times, _)) in &met {
                 search.separation(*pair, *times, &mut contacts);
             }
-            let at = (target, &yielding.inverse_mass[..]);
-            let all = (&contacts[..], params.softness);
-            let solved = solve(scene, at, all, &mut multipliers, (params.sweeps, &mut x));
+            let solution =
+                self.solution(target, &yielding.inverse_mass, &contacts, &mut multipliers);
+            let Solution { mesh, tree, solved, has_diverged } = solution;
             solves += 1;
             sweeps += solved.sweeps;
-            scene.copy_doubled(&mut x);
-            // What is not a number is not near, either.
-            let is_near = |(x, target): (&Point, &Point)| (x - target).norm() <= DIVERGED;
-            let has_diverged = !x.iter().zip(target).all(is_near);
-            if x.iter().flat_map(|p| p.iter()).any(|x| !x.is_finite()) {
-                x.copy_from_slice(target);
-            }
-            let rounded = self.storage.round(&x);
-            let mesh = scene.mesh.with_vertices(rounded).expect("solutions that are finite");
-            let tree = self.tree(mesh.vertices());
             if has_diverged {
                 most = most.min(solves);
             }
@@ -134,4 +126,37 @@ impl Walker {
             }
         }
     }
+
+    /// Solves for the state nearest to `target`, and rounds it.
+    fn solution(
+        &self,
+        target: &[Point],
+        inverse_mass: &[Real],
+        contacts: &[Contact],
+        multipliers: &mut Multipliers,
+    ) -> Solution {
+        let Self { scene, params, storage, .. } = self;
+        let (mut x, all) = (Vec::new(), (contacts, params.softness));
+        let solved =
+            solve(scene, (target, inverse_mass), all, multipliers, (params.sweeps, &mut x));
+        scene.copy_doubled(&mut x);
+        // What is not a number is not near, either.
+        let is_near = |(x, target): (&Point, &Point)| (x - target).norm() <= DIVERGED;
+        let has_diverged = !x.iter().zip(target).all(is_near);
+        if x.iter().flat_map(|p| p.iter()).any(|x| !x.is_finite()) {
+            x.copy_from_slice(target);
+        }
+        let mesh = scene.mesh.with_vertices(storage.round(&x)).expect("solutions that are finite");
+        let tree = self.tree(mesh.vertices());
+        Solution { mesh, tree, solved, has_diverged }
+    }
+}
+
+/// What a solve leads to.
+struct Solution {
+    mesh: TriMesh,
+    tree: Bvh,
+    solved: Solved,
+    /// Whether contacts that cannot all be met pushed a vertex too far.
+    has_diverged: bool,
 }

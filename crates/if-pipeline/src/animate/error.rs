@@ -2,7 +2,7 @@
 
 use super::outfit::SkinFault;
 use if_body::{PoseError, SequenceError};
-use if_core::math::Real;
+use if_core::math::{Point, Real};
 use if_core::monitor::Cancelled;
 use if_core::parameter::ParameterError;
 use if_outfit::motion::WalkError;
@@ -20,9 +20,17 @@ pub enum AnimateError {
     /// A pose does not belong to the skeleton.
     #[error("frame {frame} of the motion: {source}")]
     Pose { frame: usize, source: PoseError },
-    /// The frames per second are not positive.
-    #[error("the motion has {0} frames per second; give a positive number")]
+    /// The frames per second are none.
+    #[error("the motion has {0} frames per second; give a number from 0.001 to 100,000")]
     Rate(Real),
+    /// A frame lies so far from the origin that single precision is too coarse.
+    #[error(
+        "frame {frame} lies {distance:.0} m from the origin, where positions are stored in steps of 0.03 mm or more; is the motion in metres? Move it nearer to the origin"
+    )]
+    Far { frame: usize, distance: Real },
+    /// A vertex that single precision cannot hold: one of no triangle.
+    #[error("layer `{layer}`: vertex {vertex} is at {at:?}; remove it, as no triangle uses it")]
+    Vertex { layer: String, vertex: usize, at: Point },
     /// The body of a frame cannot be read any more.
     #[error(transparent)]
     Sequence(#[from] SequenceError),

@@ -8,6 +8,7 @@ use super::animator::{AnimateParams, Animator};
 use super::error::AnimateError;
 use super::movement::{Movement, Place};
 use super::report::FrameReport;
+use crate::build::BUILD;
 use if_body::Pose;
 use if_core::math::{Point, Real, Vector};
 use if_core::nalgebra::{Quaternion, UnitQuaternion};
@@ -124,6 +125,12 @@ impl Frames {
             }
         }
         Ok(())
+    }
+
+    /// Removes what a process that was killed left half-written.
+    pub(super) fn remove_partial(&self) -> Result<(), AnimateError> {
+        if_mesh::atomic::remove_partial(&self.folder)
+            .map_err(|source| AnimateError::Io { path: self.folder.clone(), source })
     }
 
     /// Writes the state after a frame of the run that begins with `first`.
@@ -264,7 +271,7 @@ impl Frames {
 /// The digest of all that decides the frames.
 fn request(movement: Movement<'_>, params: &AnimateParams) -> Result<String, AnimateError> {
     let head = json!({
-        "build": if_outfit::BUILD,
+        "build": BUILD,
         "params": params,
         "fps": movement.frames_per_second(),
     });

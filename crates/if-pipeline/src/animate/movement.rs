@@ -4,13 +4,17 @@ use super::bound::BoundOutfit;
 use super::error::AnimateError;
 use super::local::PoseMaps;
 use super::outfit::SkinnedOutfit;
-use if_body::{Motion, Pose};
+use if_body::{Motion, Pose, is_rate};
 use if_core::closest::ClosestPoint;
 use if_core::math::{Point, Real, Vector};
 use if_mesh::index::Bvh;
 use if_outfit::{Outfit, Storage};
 use serde_json::json;
 
+/// Farthest from the origin that a frame may lie, in metres: there steps of single precision are 0.03 mm.
+const FARTHEST: Real = 500.0;
+/// Farthest that a vertex of no triangle may lie, in metres: also moved, it is a single-precision number.
+const STORED: Real = 1e30;
 /// No vertex is displaced by more than this from where a frame has it, in metres.
 pub(super) const DISPLACED: Real = 0.1;
 
@@ -111,6 +115,10 @@ impl<'a> Movement<'a> {
     }
 
     /// How frames are stored: differences of two frames are exact in single precision.
+    ///
+    /// # Errors
+    ///
+    /// A frame that lies too far from the origin, or cannot be read any more.
     pub(super) fn storage(&self) -> Result<Storage, AnimateError> {
         let rest = self.positions();
         let is_used: Vec<bool> =
@@ -126,6 +134,10 @@ impl<'a> Movement<'a> {
             for (p, _) in points.iter().zip(&is_used).filter(|(_, is_used)| **is_used) {
                 (low, high) = (low.inf(p), high.sup(p));
             }
+            let distance = low.coords.abs().max().max(high.coords.abs().max());
+            if distance > FARTHEST {
+                return Err(AnimateError::Far { frame, distance });
+            }
         }
         let beyond = match self.0 {
             Kind::Poses(..) => 0.0,
@@ -135,11 +147,19 @@ impl<'a> Movement<'a> {
         Ok(Storage::with_exact_differences(&(low - reach), &(high + reach)))
     }
 
-    /// Refuses poses of another skeleton, numbers that are not finite, and a rate that is not positive.
+    /// Refuses poses of another skeleton, numbers that are not finite, a rate that is none, and vertices
+    /// that frames cannot store.
     pub(super) fn check(&self) -> Result<(), AnimateError> {
         let rate = self.frames_per_second();
-        if !(rate.is_finite() && rate > 0.0) {
+        if !is_rate(rate) {
             return Err(AnimateError::Rate(rate));
+        }
+        for layer in self.outfit().layers() {
+            let is_far = |p: &Point| p.iter().any(|x| x.abs() > STORED);
+            if let Some(vertex) = layer.mesh.vertices().iter().position(is_far) {
+                let (layer, at) = (layer.name.clone(), layer.mesh.vertices()[vertex]);
+                return Err(AnimateError::Vertex { layer, vertex, at });
+            }
         }
         if let Kind::Poses(outfit, motion) = self.0 {
             for (frame, pose) in motion.poses.iter().enumerate() {

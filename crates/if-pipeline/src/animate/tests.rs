@@ -359,7 +359,7 @@ fn motions_made_by_hand_are_checked_as_files_are() {
         let params = AnimateParams::default();
         animate(&outfit, motion, &params, folder.path(), &mut Silent).unwrap_err()
     };
-    for rate in [0.0, -30.0, f64::NAN, f64::INFINITY] {
+    for rate in [0.0, -30.0, f64::NAN, f64::INFINITY, 1e-300, 1e300] {
         let motion = Motion { frames_per_second: rate, ..good.clone() };
         let found = fault(&motion);
         assert!(matches!(found, AnimateError::Rate(r) if r.to_bits() == rate.to_bits()), "{found}");
@@ -369,7 +369,35 @@ fn motions_made_by_hand_are_checked_as_files_are() {
     assert!(
         fault(&motion).to_string().starts_with("frame 1 of the motion: the pose moves the root")
     );
-    motion = good;
+    motion = good.clone();
     motion.poses[2].rotations.pop();
     assert!(fault(&motion).to_string().starts_with("frame 2 of the motion: the pose has"));
+    // In millimetres, or of a whole country.
+    motion = good;
+    motion.poses[2].root_translation.z = 900.0;
+    let found = fault(&motion);
+    assert!(
+        matches!(found, AnimateError::Far { frame: 2, distance } if distance > 899.0),
+        "{found}"
+    );
+}
+
+#[test]
+fn a_vertex_of_no_triangle_that_frames_cannot_store_is_named() {
+    let mut outfit = outfit();
+    let garment = &mut outfit.outfit.garments[0];
+    let far = [garment.mesh.vertices(), &[Point::new(0.0, 1e39, 0.0)]].concat();
+    let vertex = far.len() - 1;
+    garment.mesh = TriMesh::new(far, garment.mesh.triangles().to_vec()).unwrap();
+    let name = garment.name.clone();
+    let skin = rig::skin_weights(outfit.outfit.body.mesh.vertices());
+    let weights = vec![Some(skin), None];
+    let outfit = SkinnedOutfit::new(outfit.outfit, outfit.skeleton, weights).unwrap();
+    let folder = tempfile::tempdir().unwrap();
+    let params = AnimateParams::default();
+    let found = animate(&outfit, &motion(2), &params, folder.path(), &mut Silent).unwrap_err();
+    assert!(
+        matches!(&found, AnimateError::Vertex { layer, vertex: v, .. } if *layer == name && *v == vertex),
+        "{found}"
+    );
 }

@@ -171,6 +171,9 @@ impl<'a> Work<'a> {
             self.walked.remove(frame)?;
             self.means.remove(frame)?;
         }
+        for frames in [&self.walked, &self.means, &self.finished] {
+            frames.remove_partial()?;
+        }
         Ok(self.finished.with_rows(rows))
     }
 

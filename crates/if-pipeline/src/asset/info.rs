@@ -81,7 +81,7 @@ pub struct Opening {
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Provenance {
-    /// The file or capture, as given by the user.
+    /// The file, as given by the user, or the whole path of the capture.
     pub source: String,
     /// Its hash, if it is one file.
     pub sha256: Option<String>,

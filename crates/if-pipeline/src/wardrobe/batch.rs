@@ -11,7 +11,7 @@
 use super::combination::Combination;
 use super::dresser::Dresser;
 use super::error::WardrobeError;
-use super::matching::{finished, request, run_into};
+use super::matching::{finished, is_finished, request, run_into};
 use super::pages;
 use super::result::{MatchParams, State};
 use super::result_folder::{folder_name, read_timings};
@@ -85,6 +85,7 @@ pub fn run(
         .map_err(|source| WardrobeError::Folder { path: path.clone(), source })?;
     let results = opened.ok_or(WardrobeError::Busy { path })?;
     collect(out, &results)?;
+    let whole = whole_of(out);
     let next = AtomicUsize::new(0);
     let cancelled = AtomicBool::new(false);
     let stopped: Mutex<Option<WardrobeError>> = Mutex::new(None);
@@ -102,8 +103,8 @@ pub fn run(
                 }
                 ControlFlow::Continue(())
             };
-            let one =
-                || run_into(&results, dresser, combination, params, batch.again, &mut monitor);
+            let places = (&results, whole.as_deref());
+            let one = || run_into(places, dresser, combination, params, batch.again, &mut monitor);
             let outcome = catch_unwind(AssertUnwindSafe(one)).unwrap_or_else(|panic| {
                 Err(WardrobeError::Panic { message: panic_message(panic.as_ref()) })
             });
@@ -160,7 +161,13 @@ pub fn shard_folder(out: &Path, name: &str) -> PathBuf {
     out.join(SHARDS).join(name)
 }
 
-/// Moves the results of all parts to those of the whole. A result that is there already stays.
+/// The results of the whole, if `out` is the folder of a part: what is done there need not be done again.
+fn whole_of(out: &Path) -> Option<PathBuf> {
+    let shards = out.parent().filter(|shards| shards.file_name() == Some(SHARDS.as_ref()))?;
+    Some(shards.parent()?.join(RESULTS))
+}
+
+/// Moves the results of all parts to those of the whole. A finished result that is there already stays.
 fn collect(out: &Path, results: &FolderWriter) -> Result<(), WardrobeError> {
     let fault = |path: &Path| {
         let path = path.to_path_buf();
@@ -174,9 +181,14 @@ fn collect(out: &Path, results: &FolderWriter) -> Result<(), WardrobeError> {
         let part = opened.ok_or_else(|| WardrobeError::Busy { path: path.clone() })?;
         for name in part.names().map_err(fault(&path))? {
             let target = results.parent().join(&name);
-            if fs::symlink_metadata(&target).is_err() {
-                fs::rename(path.join(&name), &target).map_err(fault(&target))?;
+            let is_there = fs::symlink_metadata(&target).is_ok();
+            if is_there && (is_finished(&target) || !is_finished(&path.join(&name))) {
+                continue;
             }
+            if is_there {
+                fs::remove_dir_all(&target).map_err(fault(&target))?;
+            }
+            fs::rename(path.join(&name), &target).map_err(fault(&target))?;
         }
         // What is left are results that the whole has, and the part's own summary.
         fs::remove_dir_all(&shard).map_err(fault(&shard))?;

@@ -20,6 +20,7 @@ use if_outfit::outfit::{Layer, Outfit};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use std::fs;
+use std::io;
 use std::path::{Path, PathBuf};
 
 const FORMAT: u32 = 1;
@@ -308,7 +309,15 @@ fn load(folder: &Path, file: &FileInfo) -> Result<Source, WardrobeError> {
             format!("`{}` is not the name of a file beside it; add the body again", file.file);
         WardrobeError::BodyInfo { path: folder.join(INFO), message }
     })?;
-    let source = Source::new(&path, read_file(&path)?);
+    let bytes = regular_file::read(&path).map_err(|source| match source.kind() {
+        // It stays so: other outfits go on.
+        io::ErrorKind::NotFound => {
+            let message = "the file is missing; add the body again".into();
+            WardrobeError::BodyInfo { path: path.clone(), message }
+        }
+        _ => WardrobeError::Folder { path: path.clone(), source },
+    })?;
+    let source = Source::new(&path, bytes);
     if source.content != file.content {
         let message = "the file has changed since the body was added; add it again".into();
         return Err(WardrobeError::BodyInfo { path, message });

@@ -189,7 +189,7 @@ fn meshes(outfit: &Outfit) -> Vec<&TriMesh> {
 ///
 /// As [`run`], and errors of the folder.
 pub(super) fn run_into(
-    results: &FolderWriter,
+    (results, others): (&FolderWriter, Option<&Path>),
     dresser: &Dresser,
     combination: &Combination,
     params: &MatchParams,
@@ -198,7 +198,8 @@ pub(super) fn run_into(
 ) -> Result<(MatchResult, bool), WardrobeError> {
     let (key, _) = request(dresser.wardrobe(), combination, params)?;
     let name = folder_name(&key);
-    if !again && let Some(found) = finished(&results.parent().join(name), &key) {
+    let mut places = std::iter::once(results.parent()).chain(others);
+    if !again && let Some(found) = places.find_map(|place| finished(&place.join(name), &key)) {
         return Ok((found, true));
     }
     let mut matched = run(dresser, combination, params, monitor)?;
@@ -266,6 +267,11 @@ pub fn run_into_folder(
         ))
     })?;
     Ok((matched.result, Placed::Written))
+}
+
+/// Whether a folder has a result that a later run will take.
+pub(super) fn is_finished(folder: &Path) -> bool {
+    result_folder::read(folder).is_some_and(|found| finished(folder, &found.key).is_some())
 }
 
 /// The result in a folder, if it is that of `key` and its files have the recorded hashes. `None` for

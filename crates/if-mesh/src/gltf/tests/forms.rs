@@ -190,6 +190,14 @@ fn json_with_a_file_of_numbers_is_read_and_written_in_its_form() {
         fs::write(out.path().join(&files.beside[0].0), &files.beside[0].1).unwrap();
         let again = read_in(files.bytes, out.path()).unwrap();
         assert_eq!(again.mesh().vertices(), gltf.positions_as_written(&moved));
+        // In one file, moved or not.
+        for positions in [&moved, gltf.mesh().vertices()] {
+            let layers = [(&gltf, positions)];
+            let one = write_layers(&layers, Normals::Follow, Beside::Embedded).unwrap();
+            assert!(one.beside.is_empty());
+            let again = read_layer(one.bytes, None, None).unwrap();
+            assert_eq!(again.mesh().vertices(), gltf.positions_as_written(positions));
+        }
     }
 }
 

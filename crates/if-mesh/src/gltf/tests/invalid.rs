@@ -275,3 +275,19 @@ fn a_file_that_shows_its_data_too_often_is_refused() {
     primitive["targets"] = json!(vec![json!({"POSITION": many}); 500]);
     refused(2, builder.bytes(), "of morph targets and weights too often");
 }
+
+#[test]
+fn nothing_that_is_shown_ever_so_often_takes_memory_all_the_same() {
+    let mut builder = Builder::new();
+    builder.square(0.0, json!({}));
+    let empty: Vec<Value> = (0..100)
+        .map(|_| json!({"attributes": {"POSITION": builder.floats("VEC3", 0, &[])}}))
+        .collect();
+    let mesh = builder.push("meshes", json!({"primitives": empty}));
+    builder.node(json!({"mesh": mesh}));
+    assert_eq!(builder.read().unwrap().mesh().triangles().len(), 2);
+    for _ in 0..300 {
+        builder.node(json!({"mesh": mesh}));
+    }
+    refused(0, builder.bytes(), "of primitives");
+}
