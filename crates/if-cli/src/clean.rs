@@ -3,6 +3,7 @@
 use crate::cancel;
 use crate::end::End;
 use crate::errors::ErrorChain;
+use crate::load::reading_advice;
 use crate::not_kept::not_kept;
 use crate::output_error::OutputError;
 use crate::pictures;
@@ -95,8 +96,8 @@ pub(crate) struct Openness {
 #[derive(Debug, thiserror::Error, Diagnostic)]
 enum CleanError {
     #[error("cannot read `{}`", path.display())]
-    #[diagnostic(code(ifg::input::mesh), help("repair it at the place named, or export it again"))]
-    Read { path: PathBuf, source: ErrorChain },
+    #[diagnostic(code(ifg::input::mesh), help("{advice}"))]
+    Read { path: PathBuf, advice: &'static str, source: ErrorChain },
     #[error("the properties of `{}` do not fit its vertices", path.display())]
     #[diagnostic(code(ifg::input::attributes), help("export it again"))]
     Attributes { path: PathBuf, source: AttributeError },
@@ -227,8 +228,10 @@ fn instead_of_body(args: &CleanArgs) -> Option<&'static str> {
 }
 
 fn read(path: &Path) -> Result<MeshFile, CleanError> {
-    MeshFile::read(path)
-        .map_err(|e| CleanError::Read { path: path.into(), source: ErrorChain::new(&e) })
+    MeshFile::read(path).map_err(|e| {
+        let (advice, source) = (reading_advice(&e), ErrorChain::new(&e));
+        CleanError::Read { path: path.into(), advice, source }
+    })
 }
 
 /// The mesh, and the pictures.

@@ -65,10 +65,12 @@ enum CutFault {
     #[error("cannot read `{}`", path.display())]
     #[diagnostic(
         code(ifg::input::mesh),
-        help("labels stand in PLY files; repair it at the place named, or export it again")
+        help(
+            "labels stand in PLY files; look at the path, repair the file at the place named, or export it again"
+        )
     )]
     Read { path: PathBuf, source: ErrorChain },
-    #[error("`{}` has no vertex property `{name}`", path.display())]
+    #[error("`{}` has no vertex property `{name}` of one number each", path.display())]
     #[diagnostic(
         code(ifg::input::labels),
         help("name the property with --labels; the file has: {have}")
@@ -437,7 +439,8 @@ fn table(rows: &[Row]) -> String {
 fn labels(args: &CutArgs, ply: &PlyMesh) -> Result<Vec<u8>, CutFault> {
     let found =
         ply.vertex_property(&args.labels).filter(|p| p.lists.is_none()).ok_or_else(|| {
-            let have: Vec<&str> = ply.vertex_properties.iter().map(|p| p.name.as_str()).collect();
+            let single = ply.vertex_properties.iter().filter(|p| p.lists.is_none());
+            let have: Vec<&str> = single.map(|p| p.name.as_str()).collect();
             CutFault::NoLabels {
                 path: args.mesh.clone(),
                 name: args.labels.clone(),

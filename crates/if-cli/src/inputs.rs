@@ -11,8 +11,7 @@ pub(crate) struct InputArgs {
     /// Outfit files (.toml); or, with --body, the garments (.ply, .obj, .glb, .gltf), innermost first.
     #[arg(required = true, value_name = "FILES")]
     pub(crate) files: Vec<PathBuf>,
-    /// The body, in metres. It may be open or in several parts, and stays unless it is to yield
-    /// (--pinch).
+    /// The body, in metres. It may be open or in several parts.
     #[arg(long, value_name = "MESH")]
     pub(crate) body: Option<PathBuf>,
     /// Factor from the units of the files to metres, such as 0.001 for millimetres; output files

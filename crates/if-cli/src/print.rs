@@ -1,13 +1,21 @@
 //! Text on stdout.
 
-use miette::IntoDiagnostic;
-use std::io::{ErrorKind, Write};
+use miette::{Diagnostic, IntoDiagnostic};
+use std::io::{self, ErrorKind, Write};
+
+/// What is printed cannot be written.
+#[derive(Debug, thiserror::Error, Diagnostic)]
+#[error("cannot write the report to stdout")]
+#[diagnostic(code(ifg::output::stdout), help("files of the output folder are there all the same"))]
+struct Unprinted {
+    source: io::Error,
+}
 
 /// Prints text. A reader that has ended (`ifg check … | head`) is not an error.
 pub(crate) fn print(text: &str) -> miette::Result<()> {
     let mut out = std::io::stdout().lock();
     match out.write_all(text.as_bytes()).and_then(|()| out.flush()) {
-        Err(e) if e.kind() != ErrorKind::BrokenPipe => Err(e).into_diagnostic(),
+        Err(source) if source.kind() != ErrorKind::BrokenPipe => Err(Unprinted { source }.into()),
         _ => Ok(()),
     }
 }

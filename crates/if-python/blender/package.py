@@ -11,13 +11,14 @@ import sys
 import zipfile
 
 HERE = pathlib.Path(__file__).resolve().parent
-# Platforms as Blender names them, by what wheels call them.
+# Platforms as Blender names them, by how the names that wheels have for them begin and end.
 PLATFORMS = {
-    "manylinux": "linux-x64",
-    "linux_x86_64": "linux-x64",
-    "win_amd64": "windows-x64",
-    "win_arm64": "windows-arm64",
-    "macosx": "macos-arm64",
+    ("manylinux", "x86_64"): "linux-x64",
+    ("linux", "x86_64"): "linux-x64",
+    ("win", "amd64"): "windows-x64",
+    ("win", "arm64"): "windows-arm64",
+    ("macosx", "x86_64"): "macos-x64",
+    ("macosx", "arm64"): "macos-arm64",
 }
 
 MANIFEST = """\
@@ -46,7 +47,10 @@ def main(arguments):
     # ifgarments-VERSION-PYTHON-ABI-PLATFORM.whl
     parts = [wheel.stem.split("-") for wheel in wheels]
     platforms = {
-        name for p in parts for tag, name in PLATFORMS.items() if p[-1].startswith(tag)
+        name
+        for p in parts
+        for (start, end), name in PLATFORMS.items()
+        if p[-1].startswith(start) and p[-1].endswith(end)
     }
     if len(platforms) != len(wheels):
         sys.exit(f"wheels must be of different systems among {sorted(set(PLATFORMS.values()))}")

@@ -15,9 +15,12 @@ use tempfile::TempDir;
 /// Joints and weights of a layer, four of each for a vertex.
 type Weights<'py> = (PyReadonlyArray2<'py, u16>, PyReadonlyArray2<'py, f32>);
 
-/// Report as JSON, names of layers whose weights were taken from the body, and positions of each
-/// layer, the body first: shape (frames, vertices, 3).
-type Animated<'py> = (String, Vec<String>, Vec<Bound<'py, PyArray3<f32>>>);
+/// Joints that the motion lacks, and how far the skeleton lies from the body, if it may be another one's.
+type Noticed = (Vec<String>, Option<f64>);
+
+/// Report as JSON, names of layers whose weights were taken from the body, what was noticed, and positions
+/// of each layer, the body first: shape (frames, vertices, 3).
+type Animated<'py> = (String, Vec<String>, Noticed, Vec<Bound<'py, PyArray3<f32>>>);
 
 /// The class of an exception in `ifgarments.errors`, and its message.
 type Failure = (&'static str, String);
@@ -97,19 +100,21 @@ pub(crate) fn animate<'py>(
                 flat.extend(layer.iter().flat_map(|p| p.iter()).map(|x| *x as f32));
             }
         }
-        Ok((done.report, skinned.without_weights, counts, positions, done.frames.len()))
+        let noticed = (motion.unmatched, skinned.misplaced_skeleton());
+        let weights = skinned.without_weights;
+        Ok((done.report, (weights, noticed), counts, positions, done.frames.len()))
     });
     if let (Err(_), Some(temporary)) = (&found, temporary) {
         // The process may end before the work does.
         let _ = std::fs::remove_dir_all(temporary); // What the work writes meanwhile, it removes.
     }
-    let (report, without, counts, positions, frames) =
+    let (report, (without, noticed), counts, positions, frames) =
         found?.map_err(|(class, message): Failure| exception(py, class, message))?;
     let arrays = counts.into_iter().zip(positions);
     let arrays =
         arrays.map(|(count, flat)| PyArray1::from_vec(py, flat).reshape([frames, count, 3]));
     let report = serde_json::to_string(&report).map_err(no_json)?;
-    Ok((report, without, arrays.collect::<PyResult<_>>()?))
+    Ok((report, without, noticed, arrays.collect::<PyResult<_>>()?))
 }
 
 /// Rows of four.

@@ -42,6 +42,7 @@ def test_every_frame_is_clean_and_follows_the_motion(outfit, tmp_path):
     seen = []
     done = ifgarments.animate(*outfit, SKELETON, MOTION, progress=seen.append)
     assert done.is_clean and done.weights_from_body == ["belt", "shirt"]
+    assert done.joints_not_in_motion == [] and done.skeleton_from_skin is None
     assert list(done.layers) == ["belt", "shirt"]
     assert done.body.shape == (3, len(body[0]), 3) and done.body.dtype == np.float32
     assert {p.stage for p in seen} >= {"frame"}

@@ -259,3 +259,22 @@ def test_a_lens_is_undistorted():
     half = _pictures.Resampling(200, 100, k, np.zeros(5), 100)
     assert (half.width, half.height) == (100, 50) and half.k[1, 2] == 25.0
     assert np.array_equal(half(columns)[0], np.arange(1, 200, 2))
+
+
+@pytest.mark.parametrize("mode", ["P", "RGBA", "LA"])
+def test_masks_of_other_modes_are_refused_instead_of_read_as_shades(tmp_path, mode):
+    picture = Image.new("RGBA", (4, 4), (128, 0, 0, 255)).convert(mode)
+    picture.save(tmp_path / "mask.png")
+    with pytest.raises(CaptureError, match=f"mode {mode}; it must be 1 or L or RGB"):
+        _pictures.read_mask(tmp_path / "mask.png", None)
+    Image.new("L", (4, 4), 255).save(tmp_path / "mask.png")
+    assert _pictures.read_mask(tmp_path / "mask.png", (4, 4)).all()
+
+
+@pytest.mark.parametrize(
+    "given, words", [(["a=1", "a=2"], "given twice"), (["=1"], "has no name")]
+)
+def test_garments_are_named_once(given, words):
+    options = [text for one in given for text in ("--garment", one)]
+    ended = run("ifgarments.import_smpl", "a", "--model", "b", "--out", "c", *options)
+    assert ended.returncode == 2 and words in ended.stderr

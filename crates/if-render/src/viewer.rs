@@ -24,6 +24,8 @@ pub struct Viewer<'a> {
     layers: Vec<Layer<'a>>,
     /// Of each state, if they were found already.
     found: Vec<&'a Intersections<'a>>,
+    /// Whether the layers are parts of one surface.
+    is_one_surface: bool,
 }
 
 #[derive(Clone, Debug)]
@@ -42,7 +44,7 @@ impl<'a> Viewer<'a> {
     pub fn new(states: &[&str]) -> Self {
         assert!(!states.is_empty(), "at least one state");
         let states = states.iter().map(ToString::to_string).collect();
-        Self { states, layers: Vec::new(), found: Vec::new() }
+        Self { states, layers: Vec::new(), found: Vec::new(), is_one_surface: false }
     }
 
     /// Takes the intersections of the layers of each state, which would be looked for otherwise.
@@ -53,6 +55,12 @@ impl<'a> Viewer<'a> {
     pub fn intersections(&mut self, found: &[&'a Intersections<'a>]) -> &mut Self {
         assert_eq!(found.len(), self.states.len(), "of each state");
         self.found = found.to_vec();
+        self
+    }
+
+    /// The layers are parts of one surface, which meet at their borders: intersections are not looked for.
+    pub fn one_surface(&mut self) -> &mut Self {
+        self.is_one_surface = true;
         self
     }
 
@@ -132,8 +140,12 @@ impl<'a> Viewer<'a> {
 }
 
 impl Viewer<'_> {
-    /// The lines in which triangles meet in each state, of different layers and of one.
+    /// The lines in which triangles meet in each state, of different layers and of one; none at all of parts
+    /// of one surface.
     fn lines(&self) -> Vec<Vec<[Point; 2]>> {
+        if self.is_one_surface {
+            return Vec::new();
+        }
         let mut own: Vec<Vec<[Point; 2]>> = vec![Vec::new(); self.layers.len()];
         let of_state = |state: usize| {
             let meshes = || self.layers.iter().map(|l| l.meshes[state]).collect::<Vec<_>>();
@@ -181,7 +193,7 @@ struct Head<'a> {
     /// The grid's step, in metres.
     step: f64,
     layers: Vec<LayerHead<'a>>,
-    /// The number of lines in each state.
+    /// The number of lines in each state; empty if they were not looked for.
     lines: Vec<usize>,
 }
 

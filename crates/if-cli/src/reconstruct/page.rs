@@ -21,6 +21,7 @@ pub(super) fn page(name: &str, found: &Reconstruction) -> io::Result<String> {
     page.text(&summary(name, report, report.seconds.sum()));
     let parts = labelled(found);
     let mut viewer = Viewer::new(&["rest pose"]);
+    viewer.one_surface();
     for (label, mesh) in parts.iter().filter(|(_, mesh)| !mesh.triangles().is_empty()) {
         let garment = found.garments.iter().find(|g| usize::from(g.label) == *label);
         let name = garment.map_or(if *label == 1 { "skin" } else { "no label" }, |g| &g.name);

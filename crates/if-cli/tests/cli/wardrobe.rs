@@ -185,7 +185,7 @@ fn a_body_that_is_missing_stops_no_other_outfit() {
          [[outfit]]\nbody = \"slim\"\ngarments = [\"belt0\"]\n",
     );
     std::fs::remove_file(folder.path("w/bodies/large/body.ply")).unwrap();
-    folder.ifg("wardrobe batch w --list list.toml --no-pictures --out done").expect(1);
+    folder.ifg("wardrobe batch w --list list.toml --no-pictures --out done").expect(2);
     let summary: Value = serde_json::from_slice(&folder.read("done/summary.json")).unwrap();
     assert_eq!((&summary["clean"], &summary["failed"]), (&1.into(), &1.into()), "{summary}");
     let said = summary["entries"][0].to_string();

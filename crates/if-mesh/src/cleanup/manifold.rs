@@ -123,15 +123,15 @@ fn pair_at_non_manifold_edges(work: &EditMesh, half_edges: &mut HalfEdges) {
         };
         let mut best: Vec<_> = (0..run.len()).map(|i| flattest(&is_free, i)).collect();
         while let Some((_, i, j)) = best.iter().flatten().copied().min_by(flatter) {
+            if !is_free[i] || !is_free[j] {
+                // The next best of this one is no flatter: it waits until nothing is.
+                best[i] = flattest(&is_free, i);
+                continue;
+            }
             let (g, h) = (run[i], run[j]);
             twin[g as usize] = h;
             twin[h as usize] = g;
-            (is_free[i], is_free[j]) = (false, false);
-            for (k, best) in best.iter_mut().enumerate() {
-                if best.is_some_and(|(_, a, b)| !is_free[a] || !is_free[b]) {
-                    *best = flattest(&is_free, k);
-                }
-            }
+            (is_free[i], is_free[j], best[i]) = (false, false, None);
         }
     }
 }

@@ -8,6 +8,7 @@ use if_core::monitor::Silent;
 use if_core::shapes::meshes::{icosphere, tube};
 use if_mesh::file::Content;
 use if_mesh::ply::{Column, CoordinateType, PlyMesh, Property, WriteParams, write_path};
+use serde_json::json;
 use std::fs;
 use std::path::Path;
 use tempfile::TempDir;
@@ -264,4 +265,45 @@ fn errors_name_layer_file_and_cause() {
         }
         other => panic!("one round cannot separate two equal belts: {other:?}"),
     }
+}
+
+/// A JSON glTF file of a mesh, whose numbers are in `numbers.bin` beside it.
+fn gltf(path: &Path, mesh: &TriMesh) -> LayerFile {
+    let positions = mesh.vertices().iter().flat_map(|p| [p.x, p.y, p.z]);
+    let mut bin: Vec<u8> = positions.flat_map(|x| (x as f32).to_le_bytes()).collect();
+    let start = bin.len();
+    bin.extend(mesh.triangles().as_flattened().iter().flat_map(|v| v.to_le_bytes()));
+    let view =
+        |from: usize, to: usize| json!({"buffer": 0, "byteOffset": from, "byteLength": to - from});
+    let accessor = |view: u32, code: u32, count: usize, kind: &str| json!({"bufferView": view, "componentType": code, "count": count, "type": kind});
+    let document = json!({
+        "asset": {"version": "2.0"}, "scene": 0, "scenes": [{"nodes": [0]}], "nodes": [{"mesh": 0}],
+        "meshes": [{"primitives": [{"attributes": {"POSITION": 0}, "indices": 1}]}],
+        "accessors": [
+            accessor(0, 5126, mesh.vertices().len(), "VEC3"),
+            accessor(1, 5125, 3 * mesh.triangles().len(), "SCALAR"),
+        ],
+        "bufferViews": [view(0, start), view(start, bin.len())],
+        "buffers": [{"byteLength": bin.len(), "uri": "numbers.bin"}],
+    });
+    fs::write(path, document.to_string()).unwrap();
+    fs::write(path.with_file_name("numbers.bin"), bin).unwrap();
+    LayerFile::new(path)
+}
+
+#[test]
+fn numbers_beside_two_files_never_replace_one_another() {
+    let (folder, body) = scene(1.0);
+    let garment = |name: &str, radius: Real| {
+        let path = folder.path().join(name);
+        fs::create_dir(&path).unwrap();
+        gltf(&path.join(format!("{name}.gltf")), &band(radius, 40, 4))
+    };
+    let garments = vec![garment("shirt", 0.295), garment("coat", 0.31)];
+    let files = OutfitFiles::read(body, garments, 1.0).unwrap();
+    let resolved = files.resolve(&ResolveParams::default(), &mut Silent).unwrap();
+    let fault = resolved.write(&folder.path().join("out")).unwrap_err();
+    let is_named = |file: &Path| file == Path::new("numbers.bin");
+    assert!(matches!(&fault, FilesError::SameFile { file, .. } if is_named(file)), "{fault}");
+    assert!(!folder.path().join("out").exists());
 }

@@ -28,10 +28,15 @@ class Animated:
     body: NDArray[np.float32]
     #: Positions of the garments by name, inner to outer, in the same shape.
     layers: dict[str, NDArray[np.float32]]
-    #: A row for each frame, with the keys of ``ifg animate --json``.
+    #: A row for each frame, and figures of all: ``report`` of what ``ifg animate --json`` prints.
     report: dict[str, Any] = field(repr=False)
     #: Names of garments whose weights were taken from the body.
     weights_from_body: list[str] = field(repr=False)
+    #: Joints that the motion lacks: they follow their parents.
+    joints_not_in_motion: list[str] = field(repr=False)
+    #: How far the joints lie from the skin that they bend (median, metres), if that is so far that the
+    #: skeleton may be another body's.
+    skeleton_from_skin: float | None = field(repr=False)
 
     @property
     def is_clean(self) -> bool:
@@ -102,7 +107,7 @@ def animate(
         else None
         for layer in outfit
     ]
-    report, without, positions = _native.animate(
+    report, without, (unmatched, misplaced), positions = _native.animate(
         [layer.native() for layer in outfit],
         given,
         _json(skeleton, "skeleton"),
@@ -113,7 +118,8 @@ def animate(
         listener(progress),
     )
     rows: dict[str, Any] = json.loads(report)
-    return Animated(positions[0], dict(zip(names[1:], positions[1:])), rows, without)
+    moved = dict(zip(names[1:], positions[1:]))
+    return Animated(positions[0], moved, rows, without, unmatched, misplaced)
 
 
 def _weights(given: Any, name: str, vertices: int) -> tuple[NDArray[Any], NDArray[Any]]:

@@ -80,7 +80,10 @@ def animate(
     threads: int | None,
     progress: ProgressCallback | None,
 ) -> tuple[
-    str, list[str], list[np.ndarray[tuple[int, int, Literal[3]], np.dtype[np.float32]]]
+    str,
+    list[str],
+    tuple[list[str], float | None],
+    list[np.ndarray[tuple[int, int, Literal[3]], np.dtype[np.float32]]],
 ]: ...
 def wardrobe_list(root: str) -> str: ...
 def wardrobe_add_body(

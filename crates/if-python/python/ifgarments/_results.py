@@ -19,7 +19,7 @@ class Verified:
 
     #: ``"clean everywhere"``, ``"clean between layers"`` or ``"not clean"``.
     state: str
-    #: The report, with the keys of ``ifg check --json``.
+    #: The report: ``report`` of what ``ifg check --json`` prints.
     report: dict[str, Any] = field(repr=False)
     #: What a person should know about the meshes.
     notes: list[str] = field(repr=False)

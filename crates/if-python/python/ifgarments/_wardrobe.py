@@ -35,7 +35,8 @@ class Wardrobe:
     Every call reads the folder anew. The format is in ``docs/reference/wardrobe.md``.
 
     Raises:
-        WardrobeError: the folder, a body or a garment is missing or damaged.
+        WardrobeError: a body or a garment is missing or damaged. A folder that is not there yet is
+            an empty wardrobe.
         BusyError: another process writes there; try again.
     """
 

@@ -303,7 +303,7 @@ class Painter {
     const matrix = camera.matrix(gl.drawingBufferWidth / gl.drawingBufferHeight);
     gl.bindVertexArray(this.array);
     for (const layer of scene.layers) if (layer.isShown) this.paintLayer(layer, matrix, camera, look);
-    if (look.lines) this.paintLines(scene.lines[Math.round(look.state)], matrix, camera, look);
+    if (look.lines && scene.lines.length) this.paintLines(scene.lines[Math.round(look.state)], matrix, camera, look);
   }
   paintLayer(layer, matrix, camera, look) {
     const gl = this.gl;
@@ -413,7 +413,8 @@ class Viewer {
     // In a motion the way from the first state is the pose's, and says nothing about cloth.
     this.isCompared = last === 1;
     if (this.isCompared) rows.push(row(this.colors, this.legend));
-    rows.push(row(this.axis, this.depth, element("label", {}, this.lines, "intersections ", this.count), home));
+    const lines = element("label", { hidden: !this.scene.lines.length }, this.lines, "intersections ", this.count);
+    rows.push(row(this.axis, this.depth, lines, home));
     const help = "Drag to turn, with Shift or two fingers to shift, wheel or pinch to zoom. Keys: arrows, + −, [ ] state, digits layers, c colours, s section, 0 reset.";
     this.root.replaceChildren(this.canvas, ...rows, element("small", {}, help));
   }
@@ -503,7 +504,7 @@ class Viewer {
       const nearest = Math.round(look.state);
       this.depth.disabled = this.axis.selectedIndex === 0;
       this.name.textContent = this.scene.states[nearest];
-      const count = this.scene.lines[nearest].length / 6;
+      const count = (this.scene.lines[nearest]?.length ?? 0) / 6;
       this.count.textContent = count ? `(red, ${count} pairs)` : "(none)";
       this.legend.hidden = !look.measure;
       if (look.measure) this.top.textContent = `${look.top.toPrecision(3)} ${UNITS[look.measure]}`;

@@ -11,6 +11,8 @@ from . import convert
 
 def _garment(text: str) -> tuple[str, list[int]]:
     name, _, numbers = text.partition("=")
+    if not name:
+        raise argparse.ArgumentTypeError(f"{text!r} has no name before =")
     try:
         return name, [int(number) for number in numbers.split(",")]
     except ValueError:
@@ -61,7 +63,12 @@ def _parser() -> argparse.ArgumentParser:
 
 def main() -> int:
     """Runs the command; returns its exit code."""
-    given = _parser().parse_args()
+    parser = _parser()
+    given = parser.parse_args()
+    names = [name for name, _ in given.garment]
+    for name in names:
+        if names.count(name) > 1:
+            parser.error(f"--garment {name} is given twice; give all its numbers at once")
     try:
         made = convert(
             given.source,

@@ -25,7 +25,8 @@ def read_mask(path: Path, size: tuple[int, int] | None) -> Mask:
         if grey.dtype.kind not in "biuf":
             raise CaptureError(path, None, f"holds {grey.dtype}; a mask must hold numbers")
     else:
-        grey = _opened(path, "L")
+        # Indices of a palette and transparency would be taken for shades of grey.
+        grey = _opened(path, "L", ("1", "L", "RGB"))
     if grey.ndim != 2 or (size is not None and grey.shape != size):
         wanted = "(rows, columns)" if size is None else str(size)
         raise CaptureError(path, None, f"has shape {grey.shape}; it must be {wanted}")
