@@ -216,6 +216,34 @@ fn a_cancelled_batch_goes_on_where_it_stopped() {
     assert_eq!(states(&folder.ifg(&some).expect(0)), ["finished", "clean everywhere"]);
 }
 
+#[cfg(target_os = "linux")]
+#[test]
+fn a_signal_that_the_starter_has_it_ignore_stays_ignored() {
+    let folder = Folder::new();
+    let mut files = String::new();
+    for k in 0..40 {
+        folder.write(&format!("o{k}.toml"), folder.read("outfit.toml"));
+        files += &format!(" o{k}.toml");
+    }
+    // As `nohup` does, and shells with what they start in the background.
+    let ifg = env!("CARGO_BIN_EXE_ifg");
+    let script = format!("trap '' HUP INT; exec {ifg} fix --out done --no-pictures{files}");
+    let mut shell = Command::new("sh");
+    shell.args(["-c", &script]).current_dir(folder.path("."));
+    let mut child = shell.stdout(Stdio::null()).stderr(Stdio::null()).spawn().unwrap();
+    let patience = Instant::now();
+    while !folder.path("done/o0/receipt.json").exists() {
+        assert!(patience.elapsed() < Duration::from_secs(30), "no outfit in 30 s");
+        std::thread::sleep(Duration::from_millis(2));
+    }
+    for signal in ["-HUP", "-INT"] {
+        Command::new("kill").args([signal, &child.id().to_string()]).status().unwrap();
+    }
+    assert!(!folder.path("done/o39/receipt.json").exists(), "it was done before the signals");
+    assert_eq!(child.wait().unwrap().code(), Some(0));
+    assert!(folder.path("done/o39/receipt.json").exists());
+}
+
 #[test]
 fn what_another_outfit_of_the_batch_reads_is_not_replaced() {
     let folder = Folder::new();
