@@ -219,6 +219,8 @@ fn a_cancelled_batch_goes_on_where_it_stopped() {
 #[cfg(target_os = "linux")]
 #[test]
 fn a_signal_that_the_starter_has_it_ignore_stays_ignored() {
+    use std::process::{Command, Stdio};
+    use std::time::{Duration, Instant};
     let folder = Folder::new();
     let mut files = String::new();
     for k in 0..40 {
