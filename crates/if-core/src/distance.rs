@@ -120,15 +120,18 @@ fn is_beyond(a: [&Point; 3], b: [&Point; 3], limit: Real) -> bool {
         let length = direction.norm();
         limit * length + 1e-12 * size * length
     };
-    let heights = to.map(|v| normal.dot(&v));
-    let (least, largest) = ends(heights);
-    if least.max(-largest) > needed(&normal) {
+    // The computed normal of a needle is mostly rounding, and not at right angles to it: what `a` itself
+    // reaches along a direction counts.
+    let (least, largest) = ends(to.map(|v| normal.dot(&v)));
+    let own = ends(a.map(|p| normal.dot(&(p - a[0]))));
+    if (least - own.1).max(own.0 - largest) > needed(&normal) {
         return true;
     }
     (0..3).any(|k| {
         let outward = edges[k].cross(&normal);
         let (least, _) = ends(b.map(|p| outward.dot(&(p - a[k]))));
-        least > needed(&outward)
+        let (_, own) = ends(a.map(|p| outward.dot(&(p - a[k]))));
+        least - own > needed(&outward)
     })
 }
 
@@ -231,6 +234,29 @@ mod tests {
             }
         }
         least
+    }
+
+    #[test]
+    fn needles_are_no_farther_apart_than_they_are() {
+        let mut numbers = Numbers(7);
+        let mut near = 0;
+        for _ in 0..4000 {
+            let (p, along) = (numbers.point(), numbers.point().coords);
+            // In a line, but for rounding.
+            let needle = [p, p + along, p + along * (0.5 + 0.4 * numbers.next())];
+            let middle = p + along * 0.6 + numbers.point().coords * 1e-3;
+            let other = [0, 1, 2].map(|_| middle + numbers.point().coords * 1e-3);
+            let (a, b) = (needle.each_ref(), other.each_ref());
+            let upper = triangle_distance(a, b).upper;
+            for limit in [1e-4, 1e-3, 2e-3] {
+                assert!(
+                    !are_apart(a, b, limit) || upper > limit,
+                    "{upper} {limit}: {needle:?} {other:?}"
+                );
+                near += usize::from(upper < limit);
+            }
+        }
+        assert!(near > 1000, "{near}");
     }
 
     #[test]

@@ -40,6 +40,7 @@ pub use report::{BodyReport, Hole, NoInside};
 
 use crate::index::Bvh;
 use crate::intersections::own_pairs;
+use crate::inverted::NO_VOLUME;
 use crate::pseudo_normals::PseudoNormals;
 use crate::winding::Winding;
 use if_core::closest::{Closest, ClosestPoint};
@@ -95,9 +96,11 @@ pub(crate) struct BodySide {
     pub(crate) behind: bool,
 }
 
-/// Whether the mesh is a body without any assumption: one closed part, wound outwards.
+/// Whether the mesh is a body without any assumption: one closed part, wound outwards, that encloses more
+/// than rounding does between the two copies of a sheet.
 pub fn is_closed(mesh: &TriMesh, edges: &Edges) -> bool {
-    if edges.balance(mesh).iter().any(|b| *b != 0) || mesh.signed_volume() <= 0.0 {
+    let least = NO_VOLUME * mesh.area().powf(1.5);
+    if edges.balance(mesh).iter().any(|b| *b != 0) || mesh.signed_volume() <= least {
         return false;
     }
     let part_of = parts(mesh);

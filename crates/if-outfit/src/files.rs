@@ -245,9 +245,7 @@ impl OutfitFiles {
         // Files in other units round differently, and so may vertices that splitting made, in one
         // step here where the solver made them in several.
         if splits.iter().any(Option::is_some) || stored != outfit {
-            verify_result(&mut report, &fine.outfit, &stored)
-                .map_err(ResolveError::from)
-                .map_err(FilesError::Resolve)?;
+            verify_result(&mut report, &fine.outfit, &stored);
             report.compare_clearance(params.goal.clearance);
         }
         let unresolved = Unresolved::of(&fine.outfit, (&stored, &report));

@@ -297,3 +297,18 @@ fn one_closed_part_that_passes_into_itself_has_one_inside() {
     }
     assert!(!inside(&Point::origin()) && !inside(&(middle(0.75).0 + Vector::y() * 0.2)));
 }
+
+#[test]
+fn two_copies_of_a_sheet_are_no_closed_body_whatever_rounding_leaves() {
+    let sheet = ball();
+    let twice = |at: Real| {
+        let shifted: Vec<Point> =
+            sheet.vertices().iter().map(|p| p + Vector::new(at, 0.7 * at, -0.3 * at)).collect();
+        let both = [sheet.triangles(), flipped(&sheet).triangles()].concat();
+        TriMesh::new(shifted, both).unwrap()
+    };
+    let meshes: Vec<TriMesh> = (0..40).map(|k| twice(0.0137 * Real::from(k))).collect();
+    assert!(meshes.iter().any(|mesh| mesh.signed_volume() > 0.0), "rounding leaves some volume");
+    assert!(meshes.iter().all(|mesh| !is_closed(mesh, &Edges::new(mesh))));
+    assert!(is_closed(&sheet, &Edges::new(&sheet)));
+}

@@ -5,10 +5,11 @@
 //! towards the mean of its neighbours, weighted by 1 / length at rest so that lengths along a line
 //! keep their proportions, with the cloth around fixed. Of regions of several sizes and
 //! of few to many steps the one counts that leaves the fewest pairs, then the least strain; not one
-//! that lays two vertices on each other.
+//! that lays two vertices on each other, or shrinks what moves to next to nothing, as it does what no
+//! fixed cloth holds.
 
 use super::patch::{Outcome, Patch};
-use if_core::math::{Point, Real, Vector};
+use if_core::math::{Point, Real, Vector, area_vector};
 use if_core::monitor::Cancelled;
 use if_mesh::index::Bvh;
 
@@ -18,6 +19,8 @@ const RINGS: [usize; 4] = [1, 2, 4, 8];
 const STEPS: [usize; 6] = [4, 10, 25, 60, 150, 400];
 /// Lengths at rest, in metres, that shorter ones count as.
 const SHORTEST: Real = 1e-5;
+/// Share of its area at rest that what moves keeps at least: cloth that lies in four layers may be laid flat.
+const LEAST_AREA: Real = 0.25;
 
 impl Patch<'_> {
     /// The best state of `from`, as it is or with the cloth round its pairs laid smooth.
@@ -57,6 +60,10 @@ impl Patch<'_> {
             }
             let free = (0..moves.len() as u32).filter(|v| moves[*v as usize] && self.is_free(*v));
             let free: Vec<(u32, Vec<(u32, Real)>)> = free.map(|v| (v, weighted(v))).collect();
+            let of_free = |t: &&[u32; 3]| t.iter().any(|v| moves[*v as usize] && self.is_free(*v));
+            let moving: Vec<[u32; 3]> =
+                self.mesh.triangles().iter().filter(of_free).copied().collect();
+            let least_area = LEAST_AREA * area(&moving, rest);
             let (mut x, mut done) = (start.clone(), 0);
             for steps in STEPS {
                 poll()?;
@@ -74,7 +81,7 @@ impl Patch<'_> {
                 let now = self.stored_outcome(&x, &mut tree, rounds);
                 // What shrinks to a point or a line meets nothing, but is no cloth any more, and
                 // further steps do not bring it back.
-                if places(&now.positions) < apart {
+                if places(&now.positions) < apart || area(&moving, &now.positions) < least_area {
                     break;
                 }
                 let is_clean = now.pairs.is_empty();
@@ -88,6 +95,15 @@ impl Patch<'_> {
         }
         Ok(best)
     }
+}
+
+/// The area of some triangles.
+fn area(triangles: &[[u32; 3]], x: &[Point]) -> Real {
+    let of = |t: &[u32; 3]| {
+        let [a, b, c] = t.map(|v| x[v as usize]);
+        area_vector(&a, &b, &c).norm()
+    };
+    triangles.iter().map(of).sum()
 }
 
 /// The number of different positions.
