@@ -245,8 +245,8 @@ pub(crate) fn run(args: &ReconstructArgs) -> Result<End, Report> {
         (_, phi) => phi.as_ref().map(PhiNetwork::to_bytes),
     };
     let network = network.transpose().map_err(fault(writing("φ"), ROOM))?;
-    let from = (&capture, &found, &made_of);
-    let written = write_assets(args, &names, from, network.as_deref());
+    let finished = (&capture, &found, &made_of);
+    let written = write_assets(args, &names, finished, network.as_deref());
     let earlier = written.map_err(|error| match error {
         WardrobeError::Busy { path } => Report::from(OutputError::Busy { path }),
         error => fault(writing("assets"), ROOM)(error).into(),
@@ -255,7 +255,7 @@ pub(crate) fn run(args: &ReconstructArgs) -> Result<End, Report> {
     let writer = FolderWriter::wait(&clothed, PATIENCE)
         .map_err(fault(writing("the clothed body"), ROOM))?
         .ok_or(OutputError::Busy { path: clothed })?;
-    write_clothed(args, (&writer, &name), from, &template)
+    write_clothed(args, (&writer, &name), finished, &template)
         .map_err(fault(writing("the clothed body"), ROOM))?;
     for state in [&state, &fields_checkpoint(&state)] {
         let _ = fs::remove_file(state); // of no use any more
@@ -423,14 +423,14 @@ fn described(progress: &Progress, seconds_left: Option<f64>) -> String {
 }
 
 /// What a reconstruction is made of, it, and its provenance.
-type From<'a> = (&'a Capture, &'a Reconstruction, &'a Provenance);
+type Finished<'a> = (&'a Capture, &'a Reconstruction, &'a Provenance);
 
 /// The body and the garments, into the wardrobe. Returns the names of garments that stay from an earlier
 /// reconstruction.
 fn write_assets(
     args: &ReconstructArgs,
     names: &[String],
-    (capture, found, provenance): From<'_>,
+    (capture, found, provenance): Finished<'_>,
     network: Option<&[u8]>,
 ) -> Result<Vec<String>, WardrobeError> {
     let mut wardrobe = Wardrobe::open(&args.out)?;
@@ -472,7 +472,7 @@ fn write_assets(
 fn write_clothed(
     args: &ReconstructArgs,
     (writer, name): (&FolderWriter, &str),
-    (capture, found, provenance): From<'_>,
+    (capture, found, provenance): Finished<'_>,
     template: &TemplateBody,
 ) -> io::Result<()> {
     writer.write(name, |folder| {

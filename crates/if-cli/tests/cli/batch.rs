@@ -185,7 +185,7 @@ fn a_fault_stops_only_its_own_outfit() {
 #[cfg(unix)]
 #[test]
 fn a_cancelled_batch_goes_on_where_it_stopped() {
-    use std::process::{Command, Stdio};
+    use std::process::Stdio;
     use std::time::{Duration, Instant};
     const OUTFITS: usize = 300;
     let folder = Folder::new();
@@ -201,7 +201,7 @@ fn a_cancelled_batch_goes_on_where_it_stopped() {
         assert!(patience.elapsed() < Duration::from_secs(30), "no outfit in 30 s");
         std::thread::sleep(Duration::from_millis(2));
     }
-    Command::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap();
+    crate::folder::cancel(child.id());
     assert_eq!(child.wait().unwrap().code(), Some(130));
     let finished =
         (0..OUTFITS).filter(|k| folder.path(&format!("done/o{k}/receipt.json")).exists()).count();

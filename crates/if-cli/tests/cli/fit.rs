@@ -10,7 +10,7 @@ use if_neural::field::NeuralField;
 use if_neural::files::read_network;
 use if_neural::network::Network;
 #[cfg(unix)]
-use std::process::{Command, Stdio};
+use std::process::Stdio;
 
 #[test]
 fn a_fitted_body_is_a_field_and_the_same_bytes_on_any_number_of_threads() {
@@ -177,7 +177,7 @@ fn interrupted(folder: &Folder, args: &str, meanwhile: impl FnOnce()) -> Run {
         assert!(told.read_line(&mut stderr).unwrap() > 0, "it ended: {stderr}");
     }
     meanwhile();
-    Command::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap();
+    crate::folder::cancel(child.id());
     told.read_to_string(&mut stderr).unwrap();
     Run { code: child.wait().unwrap().code(), stdout: String::new(), stderr }
 }
@@ -216,7 +216,7 @@ fn ctrl_c_before_the_first_step_leaves_the_network_that_stands_there() {
         assert!(child.try_wait().unwrap().is_none(), "it ended");
         sleep(Duration::from_millis(1));
     }
-    Command::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap();
+    crate::folder::cancel(child.id());
     let run = Run::from(child.wait_with_output().unwrap()).expect(130);
     assert!(run.stderr.contains("cancelled before the first step"), "{}", run.stderr);
     assert_eq!(folder.read("good.safetensors"), b"good");

@@ -165,10 +165,7 @@ impl Folder {
             sleep(Duration::from_millis(2));
         }
         sleep(Duration::from_millis(500));
-        Command::new("kill")
-            .args(["-INT", &child.id().to_string()])
-            .status()
-            .expect("kill is there");
+        cancel(child.id());
         let start = Instant::now();
         while child.try_wait().expect("it is our child").is_none() {
             if start.elapsed() > PATIENCE {
@@ -197,15 +194,12 @@ impl Folder {
         let filling = spawn(move || writer.write_all(&vec![b'\n'; 1 << 21]));
         let child =
             self.command(args).stdout(stdout).stderr(Stdio::piped()).spawn().expect("ifg starts");
-        while handles_ctrl_c(child.id()) == Some(false) {
+        while handles_signals(child.id()) == Some(false) {
             sleep(Duration::from_millis(2));
         }
         ready();
         sleep(Duration::from_millis(300));
-        Command::new("kill")
-            .args(["-INT", &child.id().to_string()])
-            .status()
-            .expect("kill is there");
+        cancel(child.id());
         sleep(Duration::from_millis(100));
         let mut printed = String::new();
         reader.read_to_string(&mut printed).expect("a pipe");
@@ -222,14 +216,33 @@ impl Folder {
     }
 }
 
-/// Whether a process handles Ctrl-C; `None` where that cannot be seen.
+/// Sends Ctrl-C to a process; SIGTERM, which does the same, where it ignores that as these tests do: what a
+/// script starts in the background does so.
 #[cfg(unix)]
-fn handles_ctrl_c(process: u32) -> Option<bool> {
-    let status = fs::read_to_string(format!("/proc/{process}/status")).ok()?;
-    let handled = status.lines().find_map(|line| line.strip_prefix("SigCgt:"))?;
-    const SIGINT: u64 = 1 << 1;
-    Some(u64::from_str_radix(handled.trim(), 16).ok()? & SIGINT != 0)
+pub(crate) fn cancel(process: u32) {
+    let ignores = signals("self", "SigIgn:").is_some_and(|ignored| ignored & SIGINT != 0);
+    let signal = if ignores { "-TERM" } else { "-INT" };
+    Command::new("kill").args([signal, &process.to_string()]).status().expect("kill is there");
 }
+
+/// Whether a process handles SIGTERM, as it does Ctrl-C; `None` where that cannot be seen.
+#[cfg(unix)]
+fn handles_signals(process: u32) -> Option<bool> {
+    Some(signals(&process.to_string(), "SigCgt:")? & SIGTERM != 0)
+}
+
+/// A bit for each signal of a kind, as the system says of a process.
+#[cfg(unix)]
+fn signals(process: &str, kind: &str) -> Option<u64> {
+    let status = fs::read_to_string(format!("/proc/{process}/status")).ok()?;
+    let bits = status.lines().find_map(|line| line.strip_prefix(kind))?;
+    u64::from_str_radix(bits.trim(), 16).ok()
+}
+
+#[cfg(unix)]
+const SIGINT: u64 = 1 << 1;
+#[cfg(unix)]
+const SIGTERM: u64 = 1 << 14;
 
 fn collect(folder: &Path, files: &mut Vec<(PathBuf, Vec<u8>)>) {
     for entry in fs::read_dir(folder).expect("a folder") {

@@ -7,6 +7,7 @@ use if_core::math::Point;
 use if_mesh::file::{Content, MeshFile, WriteError};
 use if_mesh::regular_file;
 use rayon::prelude::*;
+use std::collections::BTreeSet;
 use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -168,7 +169,9 @@ impl ResolvedFiles {
                 Content::Gltf(gltf) => Some(gltf.beside().map(|(path, _)| path)),
                 _ => None,
             };
-            let names = std::iter::once(name.as_path()).chain(beside.into_iter().flatten());
+            // Several buffers may be in one file.
+            let beside: BTreeSet<&Path> = beside.into_iter().flatten().collect();
+            let names = std::iter::once(name.as_path()).chain(beside);
             names.map(|name| (name, &self.outfit.garments[ks[0]]))
         });
         for (name, layer) in garments.chain(drawn_back) {
