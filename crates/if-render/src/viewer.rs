@@ -251,7 +251,10 @@ mod tests {
         let crossing = inner.with_vertices(shifted).unwrap();
         let mut viewer = Viewer::new(&["before", "after"]);
         viewer.layer("ball", &[&ball, &ball]).layer("inner", &[&crossing, &inner]);
-        let head = head(&viewer.html());
+        let head = self::head(&viewer.html());
         assert!(head["lines"][0].as_u64().unwrap() > 30 && head["lines"][1] == 0, "{head}");
+        // Parts of one surface meet at their borders.
+        let of_one = self::head(&viewer.one_surface().html());
+        assert_eq!(of_one["lines"], serde_json::json!([]));
     }
 }

@@ -413,8 +413,9 @@ class Viewer {
     // In a motion the way from the first state is the pose's, and says nothing about cloth.
     this.isCompared = last === 1;
     if (this.isCompared) rows.push(row(this.colors, this.legend));
-    const lines = element("label", { hidden: !this.scene.lines.length }, this.lines, "intersections ", this.count);
-    rows.push(row(this.axis, this.depth, lines, home));
+    // Of parts of one surface none were looked for.
+    const lines = this.scene.lines.length ? [element("label", {}, this.lines, "intersections ", this.count)] : [];
+    rows.push(row(this.axis, this.depth, ...lines, home));
     const help = "Drag to turn, with Shift or two fingers to shift, wheel or pinch to zoom. Keys: arrows, + −, [ ] state, digits layers, c colours, s section, 0 reset.";
     this.root.replaceChildren(this.canvas, ...rows, element("small", {}, help));
   }
