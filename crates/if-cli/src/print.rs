@@ -6,7 +6,10 @@ use std::io::{self, ErrorKind, Write};
 /// What is printed cannot be written.
 #[derive(Debug, thiserror::Error, Diagnostic)]
 #[error("cannot write the report to stdout")]
-#[diagnostic(code(ifg::output::stdout), help("files of the output folder are there all the same"))]
+#[diagnostic(
+    code(ifg::output::stdout),
+    help("look at where stdout goes; what is in an output folder stays there")
+)]
 struct Unprinted {
     source: io::Error,
 }

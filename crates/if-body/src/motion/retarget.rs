@@ -109,11 +109,11 @@ fn matches(bvh: &Bvh, skeleton: &Skeleton) -> Result<Matches, BvhError> {
         false => [0, 0],
     };
     let above_skeleton = above(|j| skeleton.joints()[j].parent, hips[0]);
-    let above_file = above(|k| bvh.joints[k].parent, hips[1]);
+    let path_in_file = bvh.path(hips[1]);
     let of = |j: usize| match j {
         j if j == hips[0] => Some(hips[1]),
         j if above_skeleton.contains(&j) => None,
-        j => alike[j].filter(|k| *k != hips[1] && !above_file.contains(k)),
+        j => alike[j].filter(|k| !path_in_file.contains(k)),
     };
     let of: Vec<Option<usize>> = (0..names.len()).map(of).collect();
     let found = of.iter().flatten().count();
