@@ -2,14 +2,17 @@
 //! allowed.
 
 use crate::scenes::moved;
+use if_core::edges::Edges;
 use if_core::math::{Point, Real};
 use if_core::mesh::TriMesh;
 use if_core::monitor::Silent;
 use if_core::shapes::meshes::{icosphere, tube};
+use if_mesh::seams::weld;
 use if_outfit::outfit::{Layer, Outfit};
 use if_outfit::resolve::{ResolveError, ResolveParams, Resolved, Split, resolve};
 use if_outfit::storage::Storage;
 use if_outfit::verify::verify;
+use std::collections::BTreeSet;
 
 /// A ball of 0.3 m radius in a band of `sides` flat sides whose corners are 0.33 m from the axis,
 /// as a file in single precision holds it.
@@ -51,6 +54,47 @@ fn assert_split(input: &TriMesh, resolved: &Resolved) {
     );
     let after = verify(&resolved.outfit).unwrap();
     assert_eq!((after.total_pairs(), after.total_inside()), (0, 0));
+}
+
+/// The same surface with vertices of its own for each triangle, as in a file without indices.
+fn soup(mesh: &TriMesh) -> TriMesh {
+    let corners = mesh.triangles().as_flattened();
+    let vertices = corners.iter().map(|v| mesh.vertices()[*v as usize]).collect();
+    let triangles = (0..mesh.triangles().len() as u32).map(|t| [0, 1, 2].map(|k| 3 * t + k));
+    TriMesh::new(vertices, triangles.collect()).unwrap()
+}
+
+#[test]
+fn seams_stay_closed_where_triangles_are_split() {
+    let band = angular(3);
+    let mesh = &band.garments[0].mesh;
+    // Front and back of a sheet, as two-sided exports have them, are split alike.
+    let back = mesh.triangles().iter().map(|[a, b, c]| [*a, *c, *b]);
+    let both = mesh.triangles().iter().copied().chain(back).collect();
+    let two_sided = TriMesh::new(mesh.vertices().to_vec(), both).unwrap();
+    for input in [soup(mesh), soup(&two_sided)] {
+        let mut outfit = band.clone();
+        outfit.garments[0].mesh = input;
+        let result = run(&outfit, Split::IfStrained, 100).unwrap();
+        assert_split(&outfit.garments[0].mesh, &result);
+        assert!(result.report.after.own_pairs.iter().all(|n| *n == 0));
+        // A band: all edges but those of its two hems have two triangles, so none has a vertex of the
+        // other side on it, and all fronts have their backs.
+        let closed = weld(&result.outfit.garments[0].mesh).unwrap().mesh;
+        let mut known = BTreeSet::new();
+        let mut triangles = closed.triangles().to_vec();
+        triangles.retain(|t| {
+            let mut corners = *t;
+            corners.sort_unstable();
+            known.insert(corners)
+        });
+        let sides = outfit.garments[0].mesh.triangles().len() / mesh.triangles().len();
+        assert_eq!(triangles.len() * sides, closed.triangles().len());
+        let closed = TriMesh::new(closed.vertices().to_vec(), triangles).unwrap();
+        let edges = Edges::new(&closed);
+        assert_eq!(edges.boundary_loops(&closed).len(), 2);
+        assert_eq!(closed.vertices().len() + closed.triangles().len(), edges.len());
+    }
 }
 
 #[test]

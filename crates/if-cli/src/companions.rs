@@ -1,4 +1,4 @@
-//! Material libraries of OBJ files, and textures, which are copied with the garments.
+//! Material libraries of OBJ files, and textures, which are copied with the layers that are written.
 
 use crate::file_record::{InputFile, OutputFile};
 use crate::outfit_file::{LayerSpec, OutfitSpec};
@@ -9,6 +9,7 @@ use if_mesh::file::{Content, MeshFile};
 use if_mesh::obj::textures;
 use if_mesh::regular_file;
 use if_outfit::digest::{FileDigest, digest};
+use if_outfit::resolve::Pinch;
 use miette::Diagnostic;
 use std::collections::BTreeMap;
 use std::fs;
@@ -33,24 +34,28 @@ pub(crate) enum CompanionError {
 struct Companion {
     /// Its path.
     source: PathBuf,
-    /// The garment that names it, and its file as the user wrote it.
+    /// The layer that names it, and its file as the user wrote it.
     layer: String,
     of: String,
     content: FileDigest,
+    /// Whether no garment names it: it is copied with a body that was drawn back.
+    is_of_body: bool,
 }
 
-/// The material libraries and textures that the garments' files name.
+/// The material libraries and textures that the files of garments name, and that of a body that may be
+/// drawn back.
 pub(crate) struct Companions {
-    /// By their paths relative to the garment, which become those in the output folder.
+    /// By their paths relative to the layer, which become those in the output folder.
     found: BTreeMap<String, Companion>,
-    /// Notes on missing files.
-    pub(crate) missing: Vec<String>,
+    /// Notes on missing files of garments, and of such a body.
+    missing: Vec<String>,
+    missing_of_body: Vec<String>,
 }
 
 impl Companions {
     /// Those of an outfit with these files, the body's first.
     ///
-    /// Only files in the garment's folder or below are taken. The names `taken` are those of other
+    /// Only files in the layer's folder or below are taken. The names `taken` are those of other
     /// outputs in the folder `out`.
     pub(crate) fn find<'f>(
         spec: &OutfitSpec,
@@ -58,14 +63,20 @@ impl Companions {
         (out, taken): (&Path, &[String]),
     ) -> Result<Self, CompanionError> {
         let mut found: BTreeMap<String, Companion> = BTreeMap::new();
-        let mut missing = Vec::new();
+        let (mut missing, mut missing_of_body) = (Vec::new(), Vec::new());
         let mut files = spec.layers().zip(files);
-        // Those of the body are not copied, but stay what they are.
-        let of_body = files.next().and_then(|(body, file)| named_by(body, file, &mut vec![]).ok());
+        let body = files.next();
+        // Those of a body that is not written are not copied, but stay what they are.
+        let of_body = body.and_then(|(body, file)| named_by(body, file, &mut vec![]).ok());
         let placed = |named: Named| named.source.canonicalize().ok();
         let of_body: Vec<PathBuf> = of_body.into_iter().flatten().filter_map(placed).collect();
-        for (layer, file) in files {
-            for Named { name, source, of } in named_by(layer, file, &mut missing)? {
+        let may_yield = spec.params.goal.pinch == Pinch::Yield;
+        // The body last: what a garment names as well is the garment's.
+        let files =
+            files.map(|file| (file, false)).chain(body.filter(|_| may_yield).map(|b| (b, true)));
+        for ((layer, file), is_of_body) in files {
+            let missing = if is_of_body { &mut missing_of_body } else { &mut missing };
+            for Named { name, source, of } in named_by(layer, file, missing)? {
                 let content = digest(&read(&source, &of)?);
                 let other = found.get(&name).filter(|o| o.content != content).map(|o| o.of.clone());
                 let of_ours = taken
@@ -74,22 +85,40 @@ impl Companions {
                     .find(|n| n.eq_ignore_ascii_case(&name))
                     .cloned();
                 if let Some(first) = other.or(of_ours) {
+                    if is_of_body {
+                        missing.push(format!(
+                            "{of}: `{name}` is not copied: `{first}` has another one"
+                        ));
+                        continue;
+                    }
                     let second = source.display().to_string();
                     return Err(OutputError::SameName { first, second, name }.into());
                 }
                 let target = out.join(&name);
                 let over = target.canonicalize().ok().filter(|t| of_body.contains(t));
                 if over.is_some() && source.canonicalize().ok() != over {
+                    if is_of_body {
+                        missing.push(format!("{of}: `{name}` is not copied over another one"));
+                        continue;
+                    }
                     let (path, written) = (target.clone(), target.display().to_string());
                     return Err(OutputError::OverInput { path, written, option: false }.into());
                 }
                 let (layer, of) = (layer.name.clone(), layer.written.clone());
-                found.entry(name).or_insert(Companion { source, layer, of, content });
+                found.entry(name).or_insert(Companion { source, layer, of, content, is_of_body });
             }
         }
-        missing.sort();
-        missing.dedup();
-        Ok(Self { found, missing })
+        for notes in [&mut missing, &mut missing_of_body] {
+            notes.sort();
+            notes.dedup();
+        }
+        Ok(Self { found, missing, missing_of_body })
+    }
+
+    /// Notes on missing files, of the body only where it is written.
+    pub(crate) fn notes(self, body_is_written: bool) -> impl Iterator<Item = String> {
+        let of_body = self.missing_of_body.into_iter().filter(move |_| body_is_written);
+        self.missing.into_iter().chain(of_body)
     }
 
     /// Their records, in the order of their names.
@@ -102,14 +131,17 @@ impl Companions {
         self.found.iter().map(input)
     }
 
-    /// Copies them into the staging folder, under the same paths relative to the garment, and
-    /// returns the copies. A file that lies where its copy would go is left alone.
+    /// Copies them into the staging folder, under the same paths relative to the layer, and
+    /// returns the copies: the body's only where it is written. A file that lies where its copy would
+    /// go is left alone.
     pub(crate) fn write(
         &self,
+        body_is_written: bool,
         (staging, out): (&Staging, &Path),
     ) -> Result<Vec<OutputFile>, CompanionError> {
         let mut written = Vec::new();
-        for (name, Companion { source, of, .. }) in &self.found {
+        let copied = self.found.iter().filter(|(_, c)| body_is_written || !c.is_of_body);
+        for (name, Companion { source, of, .. }) in copied {
             let target = out.join(name);
             if matches!((target.canonicalize(), source.canonicalize()), (Ok(a), Ok(b)) if a == b) {
                 continue;

@@ -46,7 +46,7 @@ pub(crate) struct ReconstructArgs {
     pub(crate) body: PathBuf,
     /// The wardrobe that gets the body and the garments; the clothed person and a report go to
     /// clothed/CAPTURE in it. A run that was stopped goes on from its last round.
-    #[arg(short, long, value_name = "ASSET_DIR")]
+    #[arg(short, long, value_name = "WARDROBE")]
     pub(crate) out: PathBuf,
     /// Put before each garment's name; by default the name of the capture's folder and an
     /// underscore.

@@ -95,8 +95,9 @@ pub(crate) fn run(
         let writing = trace_span!("writing").entered();
         done.outputs = outputs::write_garments(spec, &files, &resolved, (&staging, out))?;
         done.outputs.extend(buffers.describe((&staging, out))?);
-        done.outputs.extend(companions.write((&staging, out))?);
-        done.notes.extend(companions.missing);
+        let body_is_written = done.report.drawn_back.is_some();
+        done.outputs.extend(companions.write(body_is_written, (&staging, out))?);
+        done.notes.extend(companions.notes(body_is_written));
         drop(writing);
         timings.write = start.elapsed().as_secs_f64() - timings.read - timings.resolve;
         if options.pictures {

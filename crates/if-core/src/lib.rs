@@ -38,9 +38,11 @@ pub mod masked;
 pub mod math;
 pub mod mesh;
 pub mod monitor;
+pub mod number_or_infinite;
 pub mod parameter;
 mod pointers;
 pub mod rows;
+pub mod separating_axis;
 pub mod shapes;
 pub mod union_find;
 

@@ -1,9 +1,11 @@
 //! Local refinement: some triangles are split into four, their neighbours into two or three.
 
 use crate::attributes::Source;
+use crate::seams::Welded;
 use if_core::edges::Edges;
 use if_core::math::{Point, Real, Vector};
 use if_core::mesh::{MeshError, TriMesh};
+use std::collections::HashMap;
 
 /// A mesh with some triangles split.
 #[derive(Clone, Debug, PartialEq)]
@@ -89,8 +91,11 @@ pub fn split(mesh: &TriMesh, marked: &[bool]) -> Result<SplitMesh, MeshError> {
         let of = edges.of_triangle[t].map(|e| e as usize);
         // Places 0 to 2 are the corners, 3 to 5 the midpoints of the edges that begin there.
         let at = |place: usize| if place < 3 { tri[place] } else { middle[of[place - 3]] };
-        let length = |p: usize, q: usize| {
-            (vertices[at(p) as usize] - vertices[at(q) as usize]).norm_squared()
+        // The length from a corner to a midpoint; of equal ones the lower corner's counts as shorter, so
+        // that triangles with the same corners are split alike.
+        let length = |corner: usize, middle: usize| {
+            let [p, q] = [at(corner), at(middle)];
+            ((vertices[p as usize] - vertices[q as usize]).norm_squared(), p)
         };
         for corners in places(of.map(|e| cut[e]), length) {
             triangles.push(corners.map(at));
@@ -102,7 +107,7 @@ pub fn split(mesh: &TriMesh, marked: &[bool]) -> Result<SplitMesh, MeshError> {
 
 /// The parts of a triangle whose edges are `cut` at their midpoints, by places. A quadrilateral is
 /// split at its shorter diagonal.
-fn places(cut: [bool; 3], length: impl Fn(usize, usize) -> Real) -> Vec<[usize; 3]> {
+fn places(cut: [bool; 3], length: impl Fn(usize, usize) -> (Real, u32)) -> Vec<[usize; 3]> {
     let number = cut.iter().filter(|c| **c).count();
     // Rotate so that the edges that are cut, or the only one that is not, come first.
     let first = match number {
@@ -164,6 +169,52 @@ impl SplitMesh {
             Part { parent: outer.parent, corners }
         });
         SplitMesh { sources: sources.collect(), parts: parts.collect(), mesh: next.mesh }
+    }
+
+    /// This split, which is of the mesh of `welded`, for the mesh that was welded, which is `original`;
+    /// and what it gives, welded to `self.mesh`. At a seam each side has new vertices of its own, at the
+    /// same positions.
+    ///
+    /// # Errors
+    ///
+    /// More vertices than 32-bit indices allow.
+    ///
+    /// # Panics
+    ///
+    /// If `welded` is of a mesh with other triangles than `original`, or than what was split.
+    pub fn unweld(
+        &self,
+        welded: &Welded,
+        original: &TriMesh,
+    ) -> Result<(SplitMesh, Welded), MeshError> {
+        let mut vertices = original.vertices().to_vec();
+        let mut sources: Vec<Source> = (0..vertices.len() as u32).map(Source::Vertex).collect();
+        let mut vertex_map = welded.vertex_map.clone();
+        // New vertices, by their welded ones and the corners that they lie between.
+        let mut known: HashMap<(u32, Vec<u32>), u32> = HashMap::new();
+        let mut triangles = Vec::with_capacity(self.parts.len());
+        for (part, corners) in self.parts.iter().zip(self.mesh.triangles()) {
+            let parent = original.triangles()[part.parent as usize];
+            let at = |k: usize| {
+                let source = blend(parent.into_iter().zip(part.corners[k]).filter(|p| p.1 > 0.0));
+                let between = source.parts();
+                if let [(v, _)] = between[..] {
+                    return v;
+                }
+                let mut between: Vec<u32> = between.iter().map(|p| p.0).collect();
+                between.sort_unstable();
+                *known.entry((corners[k], between)).or_insert_with(|| {
+                    vertices.push(self.mesh.vertices()[corners[k] as usize]);
+                    sources.push(source);
+                    vertex_map.push(corners[k]);
+                    vertices.len() as u32 - 1
+                })
+            };
+            triangles.push([0, 1, 2].map(at));
+        }
+        let mesh = TriMesh::new(vertices, triangles)?;
+        let welded = Welded { mesh: self.mesh.clone(), vertex_map, ..*welded };
+        Ok((SplitMesh { mesh, sources, parts: self.parts.clone() }, welded))
     }
 
     /// The split mesh for other positions of the vertices before.

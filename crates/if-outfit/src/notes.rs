@@ -27,7 +27,7 @@ pub(crate) fn of_orientation(outfit: &Outfit) -> Option<String> {
 }
 
 /// A note for each garment that is not at the body.
-fn of_places(outfit: &Outfit) -> impl Iterator<Item = String> + '_ {
+pub(crate) fn of_places(outfit: &Outfit) -> impl Iterator<Item = String> + '_ {
     let body = outfit.body.mesh.surface_aabb();
     outfit.garments.iter().filter_map(move |garment| {
         let away = box_distance(&body, &garment.mesh.surface_aabb());

@@ -82,7 +82,7 @@ struct Evidence {
 /// The outfit is invalid: see [`OutfitError`].
 pub fn propose_order(outfit: &Outfit) -> Result<OrderProposal, OutfitError> {
     outfit.check()?;
-    let welded = Welded::new(outfit, true);
+    let welded = Welded::new(outfit);
     let outfit = welded.as_ref().map_or(outfit, |w| &w.outfit);
     let body = ClosedLayer::body(&outfit.body.mesh);
     let close = |g: &Layer| ClosedLayer::garment(&g.mesh, &body, &outfit.body.mesh);

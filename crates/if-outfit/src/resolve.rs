@@ -81,8 +81,8 @@ pub enum ResolveError {
 
 /// Makes an outfit free of intersections, moving garments as little as possible.
 ///
-/// Vertices at the same position along a seam ([`if_mesh::seams`]) move as one, unless triangles
-/// may be split; the report counts them once. Vertices of no triangle stay.
+/// Vertices at the same position along a seam ([`if_mesh::seams`]) move as one; the report counts them
+/// once. Vertices of no triangle stay.
 ///
 /// `monitor` receives the stages `"untangle"`, `"verify"`, `"settle"`, `"repair"` and `"done"` of
 /// each garment, and `"apart"` where [`GoalParams::least_distance`] is set; with [`Method::Paper`]
@@ -204,8 +204,7 @@ fn resolve_on_body(
 ) -> Result<Resolved, ResolveError> {
     let params = settings.params;
     let start = Instant::now();
-    let may_split = params.goal.split != Split::Never;
-    let mut welded = trace_span!("seams").in_scope(|| Welded::new(outfit, true));
+    let mut welded = trace_span!("seams").in_scope(|| Welded::new(outfit));
     let solved = welded.as_ref().map_or(outfit, |w| &w.outfit);
     let mut attempt = Attempt::new(solved.clone(), settings, monitor)?;
     let body = &attempt.closed[0];
@@ -215,18 +214,8 @@ fn resolve_on_body(
     };
     let body = (body.body_report(), own_pairs);
     let before = Verification::new(solved, body, &attempt.given, attempt.verify_seconds);
-    let has_seams = welded.as_ref().is_some_and(Welded::has_seams);
-    if may_split && !has_seams {
+    if params.goal.split != Split::Never {
         attempt = split_where_needed(attempt, settings, monitor)?;
-    } else if may_split && attempt.finer(params).is_some() {
-        // Triangles at an open seam can be split: its two sides have attributes of their own.
-        let open = Welded::new(outfit, false);
-        let given = open.as_ref().map_or(outfit, |w| &w.outfit).clone();
-        let first = Attempt::new(given, settings, monitor)?;
-        let split = split_where_needed(first, settings, monitor)?;
-        if split.rank() < attempt.rank() {
-            (attempt, welded) = (split, open);
-        }
     }
 
     let moved_apart = match params.goal.least_distance {
@@ -238,11 +227,11 @@ fn resolve_on_body(
     report.moved_apart = moved_apart;
     let mut found = attempt.reached();
     distances::measure(&found, &attempt.closed, &mut report.after);
-    if let Some(welded) = &welded {
-        found = welded.unweld(outfit, found);
+    if let Some(welded) = &mut welded {
+        found = welded.unweld(outfit, found, &mut attempt.splits);
     }
-    let is_split = attempt.splits.iter().any(Option::is_some);
-    if is_split || !seams_hold(welded.as_ref(), outfit, &found) {
+    if !seams_hold(welded.as_ref(), outfit, &found) {
+        let is_split = attempt.splits.iter().any(Option::is_some);
         let given = if is_split { &attempt.outfit } else { outfit };
         verify_result(&mut report, given, &found);
     }

@@ -37,7 +37,7 @@ pub fn verify(outfit: &Outfit) -> Result<Verification, OutfitError> {
 /// [`verify`] of an outfit that was checked, or is the result of one that was.
 fn verified(outfit: &Outfit) -> Verification {
     let start = Instant::now();
-    let welded = Welded::new(outfit, true);
+    let welded = Welded::new(outfit);
     let outfit = welded.as_ref().map_or(outfit, |w| &w.outfit);
     let (findings, closed) = verify_layers(outfit, None);
     let body = (closed[0].body_report(), body_own_pairs(outfit, &closed[0]));

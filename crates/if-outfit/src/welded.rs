@@ -6,6 +6,7 @@ use crate::storage::Storage;
 use if_core::math::Point;
 use if_core::mesh::TriMesh;
 use if_mesh::seams::{self, weld};
+use if_mesh::split::SplitMesh;
 use rayon::prelude::*;
 
 /// An outfit with the seams of its layers welded ([`weld`]), and the positions of garments rounded to
@@ -17,15 +18,13 @@ pub(crate) struct Welded {
 }
 
 impl Welded {
-    /// Welds the body, and the garments if `garments_too`. Returns `None` if nothing needs welding
-    /// or rounding. Triangles at an open seam can be split: its two sides have attributes of their
-    /// own.
-    pub(crate) fn new(outfit: &Outfit, garments_too: bool) -> Option<Self> {
+    /// Welds the layers. Returns `None` if nothing needs welding or rounding.
+    pub(crate) fn new(outfit: &Outfit) -> Option<Self> {
         let (body, garments) = rayon::join(
             || weld(&outfit.body.mesh),
             || {
                 let prepare = |layer: &Layer| {
-                    let welded = garments_too.then(|| weld(&layer.mesh)).flatten();
+                    let welded = weld(&layer.mesh);
                     let stored = stored(layer, welded.as_ref().map_or(&layer.mesh, |s| &s.mesh));
                     (welded, stored)
                 };
@@ -53,26 +52,29 @@ impl Welded {
         Some(Self { outfit, garments })
     }
 
-    /// Whether a garment was welded.
-    pub(crate) fn has_seams(&self) -> bool {
-        self.garments.iter().any(Option::is_some)
-    }
-
-    /// The outfit `given` with the positions that were found for this one.
-    pub(crate) fn unweld(&self, given: &Outfit, found: Outfit) -> Outfit {
-        let open =
-            |((given, found), welded): ((&Layer, Layer), &Option<seams::Welded>)| match welded {
-                Some(welded) => {
-                    let positions: Vec<Point> =
-                        welded.unweld(found.mesh.vertices(), given.mesh.vertices());
-                    let mesh = given.mesh.with_vertices(positions);
-                    Layer { mesh: mesh.expect("positions of a mesh are finite"), ..found }
-                }
-                None => found,
-            };
-        let garments =
-            given.garments.iter().zip(found.garments).zip(&self.garments).map(open).collect();
-        Outfit { body: given.body.clone(), garments }
+    /// The outfit `given` with the positions that were found for this one, and its garments split as
+    /// these were: `splits` become those of `given`, and the seams those of what is returned.
+    pub(crate) fn unweld(
+        &mut self,
+        given: &Outfit,
+        found: Outfit,
+        splits: &mut [Option<SplitMesh>],
+    ) -> Outfit {
+        let layers = given.garments.iter().zip(found.garments);
+        let layers = layers.zip(self.garments.iter_mut().zip(splits));
+        let garments = layers.map(|((given, found), (welded, split))| {
+            let Some(welded) = welded else { return found };
+            let mut mesh = &given.mesh;
+            if let Some(split) = split {
+                let open = split.unweld(welded, mesh);
+                (*split, *welded) = open.expect("fewer vertices than 32-bit indices");
+                mesh = &split.mesh;
+            }
+            let positions: Vec<Point> = welded.unweld(found.mesh.vertices(), mesh.vertices());
+            let mesh = mesh.with_vertices(positions).expect("positions of a mesh are finite");
+            Layer { mesh, ..found }
+        });
+        Outfit { body: given.body.clone(), garments: garments.collect() }
     }
 }
 
@@ -121,9 +123,9 @@ mod tests {
     #[test]
     fn seams_that_open_or_close_do_not_hold() {
         let (open, sewn) = (outfit(patches(0.1)), outfit(patches(0.0)));
-        assert!(Welded::new(&open, true).is_none());
+        assert!(Welded::new(&open).is_none());
         assert!(seams_hold(None, &open, &open) && !seams_hold(None, &open, &sewn));
-        let welded = Welded::new(&sewn, true).unwrap();
+        let welded = Welded::new(&sewn).unwrap();
         assert!(seams_hold(Some(&welded), &sewn, &sewn));
         assert!(!seams_hold(Some(&welded), &sewn, &open));
     }

@@ -3,7 +3,7 @@
 //!
 //! ```text
 //! WARDROBE/
-//!   bodies/NAME/    body.json, body.ply (closed), optionally template.ply and skeleton.json
+//!   bodies/NAME/    body.json, body.ply, optionally template.ply and skeleton.json
 //!   garments/NAME/  an asset: crate::asset
 //! ```
 //!

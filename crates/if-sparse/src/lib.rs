@@ -181,6 +181,9 @@ impl Pattern {
         if values.len() != places {
             return Err(CholeskyError::Count { values: values.len(), places });
         }
+        if !values.iter().all(|v| v.is_finite()) {
+            return Err(CholeskyError::NotPositiveDefinite);
+        }
         let matrix = SparseColMat::new_from_argsort(self.symbolic.clone(), &self.order, values);
         let matrix = matrix.map_err(|_| CholeskyError::TooLarge { n })?;
         let llt = Llt::try_new_with_symbolic(self.llt.clone(), matrix.as_ref(), Side::Lower);
@@ -215,6 +218,10 @@ impl Cholesky {
             entries.iter().map(|e| Triplet::new(e.row, e.column, e.value)).collect();
         let matrix =
             SparseColMat::try_new_from_triplets(n, n, &triplets).map_err(|e| creation(n, &e))?;
+        // An infinite pivot would give zeros.
+        if !triplets.iter().all(|t| t.val.is_finite()) {
+            return Err(CholeskyError::NotPositiveDefinite);
+        }
         drop(triplets);
         let symbolic = SymbolicLlt::try_new(matrix.symbolic(), Side::Lower)
             .map_err(|_| CholeskyError::TooLarge { n })?;

@@ -50,7 +50,7 @@ fn matrices_that_cannot_be_factored_are_named() {
         Pattern::new(2, &[Place::new(0, 2)]).unwrap_err(),
         CholeskyError::Place { row: 0, column: 2, n: 2 }
     );
-    for value in [0.0, -1.0, f64::NAN] {
+    for value in [0.0, -1.0, f64::NAN, f64::INFINITY] {
         let error = Cholesky::new(1, &[Entry::new(0, 0, value)]).unwrap_err();
         assert_eq!(error, CholeskyError::NotPositiveDefinite, "{value}");
     }

@@ -3,6 +3,7 @@
 use crate::constraint::{Constraint, Counters, Residual, Stage};
 use crate::inner_surface::InnerSurface;
 use if_core::math::{Point, Real, Vector, area_vector, unit_or_zero};
+use if_core::number_or_infinite;
 use if_core::parameter::ParameterError;
 use serde::{Deserialize, Serialize};
 
@@ -38,6 +39,7 @@ pub struct AirParams {
     /// How line 13 is read.
     pub reading: AirReading,
     /// Vertices farther than this from the inner layer at the start, in metres, get no pair.
+    #[serde(with = "number_or_infinite")]
     pub max_distance: Real,
     /// δ: the smallest gap, in metres.
     pub min_gap: Real,
@@ -46,6 +48,7 @@ pub struct AirParams {
     /// The foot of a vertex is searched again once it slid this far along the inner layer, in
     /// lengths of the shortest edge of the triangle that holds the foot; infinity never. F2 and F3
     /// only.
+    #[serde(with = "number_or_infinite")]
     pub search_slide: Real,
 }
 
@@ -99,6 +102,11 @@ impl AirParams {
         check("max_gap", self.max_gap, ordered, "finite and at least min_gap (metres)")?;
         check("search_slide", self.search_slide, self.search_slide > 0.0, "positive (edge lengths)")
     }
+
+    /// Whether feet follow their vertices, so that a border can be passed.
+    fn follows(&self) -> bool {
+        matches!(self.reading, AirReading::GapPreserving | AirReading::Element)
+    }
 }
 
 /// Where a vertex has its foot, and the gap it keeps.
@@ -139,7 +147,8 @@ pub struct Air<'a> {
 
 impl<'a> Air<'a> {
     /// Pairs each vertex of `positions` whose weight in `masks` is positive with its nearest point
-    /// of `inner`.
+    /// of `inner`. The first gaps are those of these positions: a run that is continued needs the same
+    /// group.
     ///
     /// # Errors
     ///
@@ -159,6 +168,7 @@ impl<'a> Air<'a> {
                 .map_err(|e| e.at(vertex))?;
         }
         let counters = Counters::default();
+        let reaches = params.follows();
         let mut air =
             Self { inner, params, pairs: Vec::new(), pushed: Vec::new(), jumped: false, counters };
         for (v, (p, &weight)) in positions.iter().zip(masks).enumerate() {
@@ -182,7 +192,7 @@ impl<'a> Air<'a> {
                 foot: at.point,
                 normal,
                 triangle: at.triangle,
-                beyond: false,
+                beyond: reaches && inner.is_beyond_border(&at, p),
             });
         }
         Ok(air)
@@ -199,7 +209,7 @@ impl<'a> Air<'a> {
     }
 
     fn update_feet(&mut self, positions: &[Point]) {
-        if !matches!(self.params.reading, AirReading::GapPreserving | AirReading::Element) {
+        if !self.params.follows() {
             return;
         }
         let all = std::mem::take(&mut self.jumped);
@@ -425,10 +435,16 @@ mod tests {
         let inner = InnerSurface::new(&all.0, &all);
         let at = |x: Real, z: Real| Point::new(x, 0.1, z);
         for reading in [AirReading::GapPreserving, AirReading::Element] {
+            let params = AirParams { reading, ..Default::default() };
+            // Also one that starts there, and has not slid.
+            let beyond = at(0.21, -0.005);
+            let mut air = Air::new(&inner, &[beyond], &[1.0], params).unwrap();
+            let mut p = vec![beyond];
+            air.begin_substep(&[beyond], &[beyond], &[1.0], 1e-3);
+            air.project(&mut p, &[1.0], 1e-3);
+            assert_eq!(p, [beyond], "{reading:?}");
             let start = at(0.1, 0.001);
-            let mut air =
-                Air::new(&inner, &[start], &[1.0], AirParams { reading, ..Default::default() })
-                    .unwrap();
+            let mut air = Air::new(&inner, &[start], &[1.0], params).unwrap();
             // The floor ends at x = 0.2. Far beyond, back again, 40 mm deep, just beyond, and on the
             // border: x, z and z after a visit.
             for (x, z, after) in [

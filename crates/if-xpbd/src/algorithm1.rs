@@ -58,11 +58,12 @@ pub enum Algorithm1Error {
     Run(#[from] RunError),
 }
 
-/// Runs Algorithm 1: settles `garment`, at rest as given, on the layers `below`, with the paper's
-/// unit masses. Returns the new positions and a report. The monitor receives the progress of
+/// Runs Algorithm 1: settles `garment`, at rest as given, on the layers `below`, with unit
+/// masses (our interpretation: the supplement names none). Returns the new positions and a report. The monitor receives the progress of
 /// [`Solver::run`].
 ///
-/// With [`SolverParams::literal`] these are lines 1 to 26 as printed.
+/// With [`SolverParams::literal`], and [`AirReading::Literal`](crate::air::AirReading::Literal) in
+/// [`Below::air`], these are lines 1 to 26 as printed.
 ///
 /// # Errors
 ///

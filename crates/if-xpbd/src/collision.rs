@@ -30,19 +30,19 @@ pub enum Push {
 ///
 /// A query is skipped where the constraint cannot be violated: if a sample has moved by less than
 /// the field's [`free_radius`](SignedDistance::free_radius) at its last query, which is
-/// (φ − δ) / L with the Lipschitz bound L, or if it is farther than δ from the field's bounds,
-/// beyond which φ is at least the distance to them.
+/// (φ − δ) / L with the Lipschitz bound L, or if it is farther than δ from the field's bounds: the
+/// surface is then farther than δ, whatever φ is (a field that is no distance may be below δ there).
 /// [`Constraint::counters`] reports how often. A sample that was clear at the start of a visit is
 /// not pushed in that visit, whether it was queried or not, even if pushes of its neighbours carry
-/// it inside: so the result does not depend on what was skipped.
+/// it inside: so the result does not depend on what the bound skipped.
 ///
 /// Where the gradient is zero or the field returns NaN, the sample is not moved, and is counted as
 /// degenerate.
 ///
 /// # Source
 ///
-/// Algorithm 1, lines 6 to 10. Line 8 is exact only where |∇φ| = 1, and diverges where |∇φ|² > 2:
-/// [`Push::Corrected`] divides. Friction after [Macklin et al. 2014], section 6.1.
+/// Algorithm 1, lines 6 to 10. Line 8 is exact only where |∇φ| = 1; beyond, it throws a vertex out by |∇φ|² − 1
+/// times its depth: [`Push::Corrected`] divides. Friction after [Macklin et al. 2014], section 6.1.
 pub struct SdfCollision<'a> {
     field: &'a dyn SignedDistance,
     vertices: Vec<[u32; 3]>,
@@ -208,8 +208,7 @@ impl<'a> SdfCollision<'a> {
         for k in 0..self.vertices.len() {
             let x = sample(positions, &self.vertices[k], &self.weights[k]);
             let delta = self.clearances[k];
-            // Outside its bounds the field is positive; a distance field is over δ beyond δ from
-            // them.
+            // The surface is within its bounds, so farther than δ.
             if bounds.is_some_and(|b| b.distance_squared(&x) > delta * delta) {
                 self.counters.skipped_by_mask += 1;
                 continue;

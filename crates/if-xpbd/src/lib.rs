@@ -38,7 +38,8 @@
 //! | 16 to 22 | stretch | [`stretch`] |
 //! | all | one garment over one field | [`algorithm1`] |
 //!
-//! [`SolverParams::literal`] is the text as printed, for comparisons. The default departs from it
+//! [`SolverParams::literal`], with [`AirReading::Literal`](air::AirReading::Literal) for line 13, is the text as
+//! printed, for comparisons. The default departs from it
 //! where the text does harm, and documents it at each place: `C + β̃ λ` for `C + β λ` (18),
 //! contacts after the stretch and not before (6 to 22), a division by |∇φ|² and a clearance (8),
 //! velocities without the speed of pushes (24), or none at all (quasi-static).

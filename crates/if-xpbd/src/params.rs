@@ -2,6 +2,7 @@
 
 use crate::collision::Push;
 use if_core::math::Real;
+use if_core::number_or_infinite;
 use if_core::parameter::ParameterError;
 use serde::{Deserialize, Serialize};
 
@@ -65,7 +66,7 @@ pub struct SolverParams {
     pub substeps: u32,
     /// Time steps for each garment.
     pub steps: u32,
-    /// Visits of the elastic groups in a substep; 0 visits none, and the contacts once.
+    /// Visits of the elastic groups in a substep; 0 visits none, and the contacts as after a visit.
     pub sweeps: u32,
     /// Visits of the contact groups wherever [`contact_order`](Self::contact_order) has them: one
     /// more where contacts disturb each other.
@@ -73,6 +74,7 @@ pub struct SolverParams {
     /// Visits of the contact groups alone at the end of a substep, after the last sweep.
     pub final_contact_visits: u32,
     /// β of line 5 for the stretch group, in m/N.
+    #[serde(with = "number_or_infinite")]
     pub compliance: Real,
     /// What line 18 adds to C.
     pub lambda_form: LambdaForm,
@@ -86,8 +88,8 @@ pub struct SolverParams {
     /// Acceleration of gravity, in m/s². Line 3 prints none. In a quasi-static run it is the
     /// displacement g h² of each substep.
     pub gravity: [Real; 3],
-    /// A run stops once no vertex moved farther than this in a step, in metres; with 0 it makes all
-    /// steps.
+    /// A quasi-static run stops once no vertex moved farther than this in a step, in metres; with 0, or
+    /// if it is dynamic, it makes all steps. With gravity, choose less than `substeps` times g h².
     pub stop_below: Real,
     /// Coulomb coefficient of friction of collisions.
     pub friction: Real,
@@ -95,6 +97,7 @@ pub struct SolverParams {
     /// long: L²κ/8 for edges of length L across a curvature κ.
     pub clearance: Real,
     /// The largest push of a vertex in one visit of a collision, in metres.
+    #[serde(with = "number_or_infinite")]
     pub max_push: Real,
     /// Whether the speed that a push out of a penetration leaves is removed after line 24: of the
     /// vertices that a contact pushed in the substep, the speed along the push. Without effect in a
@@ -105,10 +108,12 @@ pub struct SolverParams {
     /// A step of a dynamic run fails if the kinetic energy grows by more than this factor (from at
     /// least that of 1 m/s) and beyond the energy of crossing the scene in Δt. Infinity allows every
     /// finite energy.
+    #[serde(with = "number_or_infinite")]
     pub energy_jump: Real,
     /// A step fails if a vertex moves farther than this many times the size of the scene (at least
     /// 1 m): the diagonal of the particles' box, and what free flight covers in Δt. Infinity allows
     /// every finite motion. A quasi-static run has no other guard but the one for finite numbers.
+    #[serde(with = "number_or_infinite")]
     pub displacement_jump: Real,
 }
 
@@ -217,7 +222,7 @@ impl SolverParams {
             self.max_push > 0.0,
             "positive (metres; infinity for no limit)",
         )?;
-        check("retries", self.retries.into(), self.retries <= 30, "at most 30 (each halves h)")?;
+        check("retries", self.retries.into(), self.retries <= 10, "at most 10 (each halves h)")?;
         check(
             "energy_jump",
             self.energy_jump,
@@ -246,6 +251,9 @@ mod tests {
                 (0.01, 10, 360, 1e-5)
             );
             assert_eq!(params.substep(), 0.001);
+            // Also those that are infinite.
+            let text = serde_json::to_string(&params).unwrap();
+            assert_eq!(serde_json::from_str::<SolverParams>(&text).unwrap(), params, "{text}");
         }
     }
 

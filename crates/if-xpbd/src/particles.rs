@@ -76,7 +76,7 @@ impl Particles {
         })
     }
 
-    /// Particles of one inverse mass (1/kg): the paper's unit masses for 1.
+    /// Particles of one inverse mass (1/kg): unit masses for 1.
     ///
     /// # Errors
     ///

@@ -1,12 +1,12 @@
 //! Triangles of one garment that keep the side of each other on which they started.
 
 use crate::constraint::{Constraint, Residual, Stage};
-use if_core::math::{Point, Real, Vector, area_vector, unit_or_zero};
+use if_core::math::{Point, Real, Vector};
+use if_core::separating_axis::widest_gap;
 
 /// Pairs of triangles held apart along the axis that separated them at rest.
 ///
-/// Two disjoint triangles are separated by a plane whose normal n is one of their two normals or of
-/// the nine cross products of their edges. It is kept as a vector of the world. For every corner a
+/// The axis n is that of the [widest gap](widest_gap), kept as a vector of the world. For every corner a
 /// of the lower and every corner b of the upper triangle
 ///
 /// ```text
@@ -19,7 +19,7 @@ use if_core::math::{Point, Real, Vector, area_vector, unit_or_zero};
 ///
 /// # Source
 ///
-/// Separating axes: Gottschalk, Lin and Manocha 1996. Keeping the axis: ours.
+/// Ours.
 #[derive(Clone, Debug, Default)]
 pub struct Separations {
     below: Vec<u32>,
@@ -50,31 +50,11 @@ impl Separations {
     /// `false` and adds nothing if no plane separates them there.
     pub fn push(&mut self, s: [u32; 3], t: [u32; 3], gap: Real, rest: &[Point]) -> bool {
         let (p, q) = (s.map(|v| rest[v as usize]), t.map(|v| rest[v as usize]));
-        let mut axes = vec![area_vector(&p[0], &p[1], &p[2]), area_vector(&q[0], &q[1], &q[2])];
-        for i in 0..3 {
-            for j in 0..3 {
-                axes.push((p[(i + 1) % 3] - p[i]).cross(&(q[(j + 1) % 3] - q[j])));
-            }
-        }
-        let mut best: Option<(Real, Vector)> = None;
-        for axis in axes {
-            let n = unit_or_zero(&axis);
-            if n == Vector::zeros() {
-                continue;
-            }
-            for n in [n, -n] {
-                let top = p.iter().map(|x| n.dot(&x.coords)).fold(Real::NEG_INFINITY, Real::max);
-                let bottom = q.iter().map(|x| n.dot(&x.coords)).fold(Real::INFINITY, Real::min);
-                if best.is_none_or(|(g, _)| bottom - top > g) {
-                    best = Some((bottom - top, n));
-                }
-            }
-        }
         // Triangles with a common corner have a gap of zero, but for rounding.
         let shares = s.iter().any(|v| t.contains(v));
         let rounding = 1e-12 * (p[0] - q[0]).norm().max((p[1] - p[0]).norm());
-        let Some((room, normal)) = best.filter(|(g, _)| *g >= if shares { -rounding } else { 0.0 })
-        else {
+        let least = if shares { -rounding } else { Real::MIN_POSITIVE };
+        let Some((normal, room)) = widest_gap(&p, &q).filter(|(_, gap)| *gap >= least) else {
             return false;
         };
         for a in s {
@@ -141,13 +121,16 @@ impl Constraint for Separations {
         for k in 0..self.gaps.len() {
             let (a, b, n) = (self.below[k] as usize, self.above[k] as usize, self.normals[k]);
             let deficit = self.gaps[k] - n.dot(&(positions[b] - positions[a]));
-            let sum = inverse_masses[a] + inverse_masses[b];
-            if deficit <= 0.0 || sum <= 0.0 {
+            if deficit <= 0.0 {
                 continue;
             }
             residual.active += 1;
             residual.max = residual.max.max(deficit);
             residual.sum_squares += deficit * deficit;
+            let sum = inverse_masses[a] + inverse_masses[b];
+            if sum <= 0.0 {
+                continue;
+            }
             let push = n * (deficit / sum);
             positions[a] -= push * inverse_masses[a];
             positions[b] += push * inverse_masses[b];
@@ -285,5 +268,20 @@ mod tests {
         rest[4].z = -0.3;
         let mut group = Separations::new();
         assert!(!group.push([0, 1, 2], [3, 4, 5], 0.01, &rest) && group.is_empty());
+    }
+
+    #[test]
+    fn triangles_of_a_flat_sheet_are_held_apart_within_it() {
+        let mut rest = two(0.0);
+        rest[3..].iter_mut().for_each(|p| p.x += 4.0);
+        let mut group = Separations::new();
+        assert!(group.push([0, 1, 2], [3, 4, 5], 0.01, &rest));
+        assert!(
+            group.normals.iter().all(|n| n.z == 0.0) && group.gaps.iter().all(|gap| *gap == 0.01)
+        );
+        // What is violated counts, also where nothing can move.
+        let mut x = two(0.0);
+        let stuck = group.project(&mut x, &[0.0; 6], 1.0);
+        assert!(stuck.active > 0 && x == two(0.0));
     }
 }

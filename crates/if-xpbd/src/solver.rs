@@ -182,7 +182,8 @@ impl Solver {
                 ],
                 ..Progress::stage("step")
             })?;
-            let converged = report.moved < self.params.stop_below;
+            let converged =
+                self.params.motion == Motion::QuasiStatic && report.moved < self.params.stop_below;
             run.last = Some(report);
             if converged {
                 run.stop = Stop::Converged;

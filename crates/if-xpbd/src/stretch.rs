@@ -90,7 +90,7 @@ impl Stretch {
     pub fn residual(&self, positions: &[Point], h: Real) -> Residual {
         let scale = self.lambda_scale(h);
         let mut r = Residual::default();
-        if !scale.is_finite() {
+        if !(self.compliance / (h * h)).is_finite() {
             return r; // absent
         }
         for (k, ([a, b], rest)) in self.edges.visited().enumerate() {

@@ -56,6 +56,37 @@ fn a_body_that_was_drawn_back_is_written_beside_its_garments() {
 }
 
 #[test]
+fn the_materials_of_a_body_are_copied_where_it_is_written() {
+    let folder = balls();
+    let mesh = read_path(&folder.path("balls.ply")).unwrap().mesh;
+    let v = mesh.vertices().iter().map(|p| format!("v {} {} {}\n", p.x, p.y, p.z));
+    let f = mesh.triangles().iter().map(|[a, b, c]| format!("f {} {} {}\n", a + 1, b + 1, c + 1));
+    let text = v.chain(f).collect::<String>();
+    folder.write(
+        "balls.obj",
+        format!("mtllib skin.mtl\nmtllib receipt.json\nmtllib gone.mtl\n{text}"),
+    );
+    folder.write("skin.mtl", "map_Kd skin.png\n");
+    folder.write("skin.png", "freckles");
+    folder.write("receipt.json", "");
+    let fix = FIX.replace("balls.ply", "balls.obj");
+    let run = folder.ifg(&format!("{fix} --write-unproven --out kept")).expect(1);
+    assert!(
+        !folder.path("kept/skin.mtl").exists() && !run.stdout.contains("gone.mtl"),
+        "{}",
+        run.stdout
+    );
+    let run = folder.ifg(&format!("{fix} --pinch yield --out yielded")).expect(0);
+    assert!(folder.read("yielded/balls_drawn_back.obj").starts_with(b"mtllib skin.mtl\n"));
+    assert_eq!(folder.read("yielded/skin.png"), b"freckles");
+    assert_eq!(folder.read("yielded/skin.mtl"), b"map_Kd skin.png\n");
+    // What would be written over a file of ours is named instead.
+    for note in ["`gone.mtl` is not in its folder", "`receipt.json` is not copied"] {
+        assert!(run.stdout.contains(note), "{}", run.stdout);
+    }
+}
+
+#[test]
 fn frames_over_a_body_that_is_kept_name_what_lies_in_pinches() {
     let folder = scene();
     let run = folder

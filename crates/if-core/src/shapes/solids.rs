@@ -24,7 +24,7 @@ pub struct Cuboid {
 }
 
 /// A ring about the y axis through its centre. The gradient is zero on that axis' circle of radius
-/// `major`, and has no y-free part on the axis itself.
+/// `major`; on the axis itself it is that towards +x.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Torus {
     /// Centre, in metres.

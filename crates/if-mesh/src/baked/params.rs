@@ -2,6 +2,7 @@
 
 use if_core::aabb::Aabb;
 use if_core::math::Real;
+use if_core::number_or_infinite;
 use if_core::parameter::ParameterError;
 use serde::{Deserialize, Serialize};
 
@@ -34,7 +35,7 @@ pub struct BakeParams {
     pub cell: Real,
     /// Maximum error, in metres, at points within `reach` of the surface: cells are halved where it
     /// is larger. Infinite halves no cells.
-    #[serde(with = "length_or_word")]
+    #[serde(with = "number_or_infinite")]
     pub accuracy: Real,
     /// Distance from the surface up to which `accuracy` holds, in metres. Beyond it cells are the
     /// largest.
@@ -45,7 +46,7 @@ pub struct BakeParams {
     pub band: Real,
     /// Distance inside, in metres. Infinite stores all of the inside, which for a body needs less
     /// memory than the band.
-    #[serde(with = "length_or_word")]
+    #[serde(with = "number_or_infinite")]
     pub depth: Real,
     /// The box of the zero set; `None` uses the source's `bounds()`.
     pub region: Option<Aabb>,
@@ -70,41 +71,6 @@ impl Default for BakeParams {
             redistance: Redistance::WhenNeeded,
             memory: 2 << 30,
         }
-    }
-}
-
-/// A length, or the word `infinite`.
-mod length_or_word {
-    use if_core::math::Real;
-    use serde::{Deserialize, Deserializer, Serialize, Serializer};
-
-    #[derive(Serialize, Deserialize)]
-    #[serde(untagged)]
-    enum Written {
-        Length(Real),
-        Word(Word),
-    }
-
-    #[derive(Serialize, Deserialize)]
-    #[serde(rename_all = "lowercase")]
-    enum Word {
-        Infinite,
-    }
-
-    pub(super) fn serialize<S: Serializer>(length: &Real, to: S) -> Result<S::Ok, S::Error> {
-        let written = if *length == Real::INFINITY {
-            Written::Word(Word::Infinite)
-        } else {
-            Written::Length(*length)
-        };
-        written.serialize(to)
-    }
-
-    pub(super) fn deserialize<'a, D: Deserializer<'a>>(from: D) -> Result<Real, D::Error> {
-        Ok(match Written::deserialize(from)? {
-            Written::Length(length) => length,
-            Written::Word(Word::Infinite) => Real::INFINITY,
-        })
     }
 }
 

@@ -1,7 +1,7 @@
 //! What a person should know about the files of an outfit.
 
 use super::OutfitFiles;
-use crate::notes::{named, of_orientation};
+use crate::notes::{named, of_orientation, of_places};
 use crate::outfit::Layer;
 use if_mesh::file::{Content, MeshFile};
 use if_mesh::validate::{Fault, faults};
@@ -24,7 +24,8 @@ pub(super) fn of(files: &OutfitFiles) -> Vec<String> {
         notes.extend(file.map_or(Vec::new(), of_file));
         named(layer, notes)
     });
-    of_orientation(outfit).into_iter().chain(notes.collect::<Vec<_>>()).collect()
+    let notes: Vec<String> = notes.collect();
+    of_orientation(outfit).into_iter().chain(of_places(outfit)).chain(notes).collect()
 }
 
 fn of_file(file: &MeshFile) -> Vec<String> {

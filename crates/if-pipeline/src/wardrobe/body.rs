@@ -43,7 +43,7 @@ pub struct BodyInfo {
     pub body: u32,
     /// Its name.
     pub name: String,
-    /// The mesh: closed, wound outwards, in metres.
+    /// The mesh, in metres.
     pub mesh: FileInfo,
     /// A mesh of the same body in a topology that other bodies share.
     pub template: Option<FileInfo>,
@@ -63,7 +63,7 @@ impl BodyInfo {
 pub struct NewBody<'a> {
     /// Its name.
     pub name: &'a str,
-    /// A PLY or OBJ file: closed, wound outwards; skinning weights of PLY files are used.
+    /// A PLY, OBJ or glTF file; skinning weights are used.
     pub mesh: &'a Path,
     /// A PLY or OBJ file of the same body in a topology that other bodies share.
     pub template: Option<&'a Path>,

@@ -56,10 +56,10 @@ impl MatchParams {
         let range = "0 for no pictures, or from 16 to 8192 (pixels)";
         ParameterError::check("picture_height", height.into(), drawable, range)?;
         let reads = self.fields == Fields::Meshes || self.resolve.effort.method == Method::Paper;
-        let range = "`meshes` (0), unless `resolve.effort.method` is `paper`";
+        let range = "0, `meshes`: other `fields` are read by `--method paper` (`resolve.effort.method`) only";
         ParameterError::check("fields", 1.0, reads, range)?;
         let stays = self.resolve.goal.pinch == Pinch::Keep;
-        let range = "`keep` (0): results are on the wardrobe's body, which stays as it is; `ifg fix --pinch yield` takes files";
+        let range = "0, `keep`: results are on the wardrobe's body, which stays as it is; `ifg fix --pinch yield` takes files";
         ParameterError::check("resolve.goal.pinch", 1.0, stays, range)?;
         self.align.validate().map_err(|e| e.within("align"))?;
         self.resolve.validate().map_err(|e| e.within("resolve"))

@@ -17,7 +17,7 @@ class Progress(NamedTuple):
     """What a callback receives."""
 
     #: The stage of the work: ``"verify"``, ``"untangle"``, ``"settle"``, ``"repair"``, ``"done"``,
-    #: ``"apart"``.
+    #: ``"apart"``, with ``params={"method": "paper"}`` also ``"algorithm 1"`` and its own.
     stage: str
     #: The layer.
     item: str
