@@ -141,7 +141,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     // Garments.
     start = Instant::now();
     let field = MeshSdf::closed(&mesh)?;
-    let underside = Underside::of(&surface, &template, &capture, &mesh);
+    let underside = Underside::of(&surface, &template, &capture, (&mesh, &skin))?;
     let person = ClothedPerson {
         skeleton,
         mesh: &mesh,

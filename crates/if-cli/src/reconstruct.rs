@@ -475,6 +475,7 @@ fn write_clothed(
     (capture, found, provenance): Finished<'_>,
     template: &TemplateBody,
 ) -> io::Result<()> {
+    let corrected = found.corrected(capture).map_err(io::Error::other)?;
     writer.write(name, |folder| {
         let mut properties = found.skin.to_properties();
         properties.push(Property::new("label", Column::U8(found.labels.clone())));
@@ -488,7 +489,7 @@ fn write_clothed(
                 &found.mesh,
                 &found.skin,
                 &template.skeleton,
-                capture,
+                &corrected,
                 found.motion.as_ref().filter(|_| args.motion == MotionFrom::Solved),
             )
             .map_err(io::Error::other)?;
@@ -502,7 +503,8 @@ fn write_clothed(
         }
         if let Some(poses) = &found.poses {
             let numbered = poses.iter().enumerate().map(|(k, pose)| (capture.number(k), pose));
-            write_poses(&folder.join("poses.json"), capture.joints(), numbered)
+            let path = folder.join("poses.json");
+            write_poses(&path, capture.joints(), corrected.camera(), numbered)
                 .map_err(io::Error::other)?;
         }
         fs::write(folder.join(PROVENANCE), serde_json::to_vec_pretty(provenance)?)?;

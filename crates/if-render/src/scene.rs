@@ -144,7 +144,7 @@ impl Scene {
         let mut lines = Vec::new();
         if let Some(c) = view.cut {
             let n = unit_or_zero(&c.normal);
-            let offset = c.offset - n.dot(&frame.middle.coords);
+            let offset = c.offset.map_or(0.0, |offset| offset - n.dot(&frame.middle.coords));
             let along = axes.map(|a| a.dot(&n));
             let s = frame.scale;
             // n · (right · x + up · y + away · z) with x and y in samples from the middle.

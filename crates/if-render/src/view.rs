@@ -44,8 +44,9 @@ pub struct View {
 pub struct Cut {
     /// Points into the half-space. Its length does not matter.
     pub normal: Vector,
-    /// Distance of the plane from the origin along the normal, in metres.
-    pub offset: Real,
+    /// Distance of the plane from the origin along the normal, in metres; `None` for the plane through the
+    /// middle of what is drawn.
+    pub offset: Option<Real>,
 }
 
 impl View {
@@ -59,6 +60,6 @@ impl View {
     pub const HALF: View = View {
         azimuth: 90.0,
         elevation: 0.0,
-        cut: Some(Cut { normal: Vector::new(1.0, 0.0, 0.0), offset: 0.0 }),
+        cut: Some(Cut { normal: Vector::new(1.0, 0.0, 0.0), offset: None }),
     };
 }

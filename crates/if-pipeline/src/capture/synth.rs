@@ -205,7 +205,8 @@ pub fn synth(
         (0..params.frames).map(|frame| rig::turning_pose(frame, params.frames)).collect();
     let given = estimated(&poses, params.pose_noise, params.pose_correlation, params.seed);
     if !params.pose_noise.is_exact() {
-        write_poses(&truth.join("poses.json"), &subject.joints, (0..).zip(&poses))?;
+        let path = truth.join("poses.json");
+        write_poses(&path, &subject.joints, &camera, (0..).zip(&poses))?;
     }
     for frame in 0..params.frames {
         let total = Some(params.frames);

@@ -48,7 +48,8 @@ pub struct FramePictures<'a> {
     pub noisy_labels: Option<&'a [u8]>,
 }
 
-/// Writes poses of numbered frames, with the keys of `meta.json`: whole, or not at all.
+/// Writes poses of numbered frames, and the camera that they go with, with the keys of `meta.json`: whole,
+/// or not at all.
 ///
 /// # Errors
 ///
@@ -56,10 +57,17 @@ pub struct FramePictures<'a> {
 pub fn write_poses<'a>(
     path: &Path,
     joints: &[String],
+    camera: &Camera,
     poses: impl Iterator<Item = (u32, &'a Pose)>,
 ) -> Result<(), CaptureError> {
-    let frames: Vec<_> = poses.map(|(index, pose)| FrameMeta::new(index, pose)).collect();
-    let text = serde_json::to_vec(&Poses { joints, frames })
+    let poses = Poses {
+        k: meta::rows(camera.intrinsics()),
+        r: meta::rows(camera.rotation()),
+        t: (*camera.translation()).into(),
+        joints,
+        frames: poses.map(|(index, pose)| FrameMeta::new(index, pose)).collect(),
+    };
+    let text = serde_json::to_vec(&poses)
         .map_err(|source| CaptureError::Json { path: path.into(), source })?;
     write_file(path, |file| file.write_all(&text))
         .map_err(|source| CaptureError::Io { path: path.into(), source })
@@ -67,6 +75,11 @@ pub fn write_poses<'a>(
 
 #[derive(Serialize)]
 struct Poses<'a> {
+    #[serde(rename = "K")]
+    k: [[f64; 3]; 3],
+    #[serde(rename = "R")]
+    r: [[f64; 3]; 3],
+    t: [f64; 3],
     joints: &'a [String],
     frames: Vec<FrameMeta>,
 }

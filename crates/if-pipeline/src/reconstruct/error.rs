@@ -48,12 +48,12 @@ pub enum ReconstructError {
     /// The template's skinning weights do not match its mesh or skeleton.
     #[error("the template body: {0}")]
     TemplateSkin(#[from] SkinError),
-    /// The template is not closed, which its union with loose clothes needs.
-    #[error("the template has no inside: {0}; close it, or set `least_loose` to 1")]
+    /// The template is not closed: neither is the surface that is fitted.
+    #[error("the template body cannot be fitted: {0}; close its mesh")]
     TemplateInside(#[source] SdfError),
     /// The images of the capture need too much memory.
     #[error(
-        "the images of {frames} frames need {bytes} bytes, {limit} are allowed; use fewer frames or smaller images, or allow more (`memory`)"
+        "the images of {frames} frames need {bytes} bytes, {limit} are allowed; leave some out of `frames` in meta.json, make images smaller, or allow more (`memory`)"
     )]
     Memory { frames: usize, bytes: u64, limit: u64 },
     /// No frame is usable.

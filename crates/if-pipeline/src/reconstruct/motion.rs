@@ -69,6 +69,7 @@ pub fn fit_motion(
     let frames = observe_used(capture, skeleton, &surface.report.skipped, read, monitor)?;
     let together = TOGETHER * rayon::current_num_threads();
     let count = capture.len();
+    let numbers: Vec<u32> = (0..count).map(|k| capture.number(k)).collect();
     let rest = surface.mesh.vertices();
     let edges = Edges::new(&surface.mesh);
     let neighbours = edges.neighbours(rest.len());
@@ -108,7 +109,7 @@ pub fn fit_motion(
         };
         let (silhouette_mm, normal_degrees) =
             (mean(|r| r.silhouette_mm), mean(|r| r.normal_degrees));
-        let modes = Modes::new(count, &params.prior(spread(&steps)));
+        let modes = Modes::new(&numbers, &params.prior(spread(&steps)));
         let joint =
             Joint { edges: &edges, neighbours: &neighbours, modes: &modes, seen, so_far: &steps };
         let further = joint.solve().ok_or(ReconstructError::MotionDiverged { round })?;

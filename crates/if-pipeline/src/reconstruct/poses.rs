@@ -188,7 +188,7 @@ impl<'a> Scene<'a> {
         let seen = gather(&template.mesh, &edges, &template.skin, camera, &frames, params.reach);
         let frames = without_elsewhere(frames, &seen.overlap, read.least_overlap, &mut report);
         if frames.is_empty() {
-            return Err(report.nothing_seen());
+            return Err(report.nothing_seen(&capture));
         }
         let (frames, fitted) = held_out_last(frames);
         let start = Start::template(template);

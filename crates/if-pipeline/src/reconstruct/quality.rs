@@ -56,7 +56,7 @@ pub struct Residual {
 #[derive(Clone, Copy, Debug, PartialEq, Default, Serialize, Deserialize)]
 #[non_exhaustive]
 pub struct FrameQuality {
-    /// Its index in the capture.
+    /// Its index in the capture; in a [`super::ReconstructReport`] its number there.
     pub frame: usize,
     /// Its residual.
     pub residual: Residual,
@@ -77,7 +77,7 @@ pub struct JointQuality {
 #[derive(Clone, Debug, PartialEq, Default, Serialize, Deserialize)]
 #[non_exhaustive]
 pub struct Doubt {
-    /// Its index in the capture.
+    /// Its index in the capture; in a [`super::ReconstructReport`] its number there.
     pub frame: usize,
     /// The joint; `None` for the frame as a whole.
     pub joint: Option<String>,

@@ -3,6 +3,7 @@
 use super::error::ReconstructError;
 use super::quality::QualityReport;
 use super::skipped::Skipped;
+use crate::capture::Capture;
 use if_core::math::Real;
 use serde::{Deserialize, Serialize};
 
@@ -88,12 +89,13 @@ impl SurfaceReport {
     /// # Panics
     ///
     /// If no frame was skipped.
-    pub(super) fn nothing_seen(self) -> ReconstructError {
+    pub(super) fn nothing_seen(self, capture: &Capture) -> ReconstructError {
         let first = self
             .skipped
             .into_iter()
             .min_by_key(Skipped::frame)
-            .expect("a capture has frames, and all were skipped");
+            .expect("a capture has frames, and all were skipped")
+            .numbered(capture);
         ReconstructError::NothingSeen { frames: self.frames, first }
     }
 }

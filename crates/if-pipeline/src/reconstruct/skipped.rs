@@ -1,5 +1,6 @@
 //! Frames that are left out.
 
+use crate::capture::Capture;
 use if_core::math::Real;
 use serde::{Deserialize, Serialize};
 
@@ -30,13 +31,22 @@ pub enum Skipped {
 }
 
 impl Skipped {
-    /// Its index in the capture.
+    /// Its index in the capture; in a [`super::ReconstructReport`], and in errors, its number there.
     pub fn frame(&self) -> usize {
         match self {
             Self::NoPerson { frame, .. }
             | Self::NoBorder { frame }
             | Self::Elsewhere { frame, .. } => *frame,
         }
+    }
+
+    /// With the frame's number in the capture instead of its index.
+    pub(super) fn numbered(mut self, capture: &Capture) -> Self {
+        let (Self::NoPerson { frame, .. }
+        | Self::NoBorder { frame }
+        | Self::Elsewhere { frame, .. }) = &mut self;
+        *frame = capture.number(*frame) as usize;
+        self
     }
 }
 

@@ -90,7 +90,7 @@ pub fn fit_surface(
         evidence = look(&template.mesh, &edges, &template.skin, &frames, 0);
     }
     if frames.is_empty() {
-        return Err(report.nothing_seen());
+        return Err(report.nothing_seen(capture));
     }
 
     // The start: the template, or its union with loose clothes, or the state of a checkpoint.

@@ -1,13 +1,16 @@
 //! The undersides of loose clothes, which no frame sees.
 
 use super::canonical::carried_to;
+use super::error::ReconstructError;
 use super::surface::Surface;
 use crate::capture::{Capture, SKIN};
-use if_body::TemplateBody;
+use if_body::skinning::blends;
+use if_body::{Skeleton, SkinWeights, TemplateBody};
 use if_core::edges::parts;
-use if_core::math::{Real, area_vector};
+use if_core::math::{Real, area_vector, unit_or_zero};
 use if_core::mesh::TriMesh;
 use if_mesh::labels::LabelVotes;
+use rayon::prelude::*;
 
 /// Distance from the template beyond which a vertex is spanned by clothes, in metres: the distance
 /// over which weights blend to those of the grid.
@@ -20,14 +23,19 @@ const UNSEEN_SHARE: Real = 1.0 / 24.0;
 /// Least area of an unseen patch, in square metres: a square of 12 cm. Smaller ones are folds; the
 /// undersides of a dress and a skirt have 0.03 to 0.1.
 const LEAST: Real = 0.015;
+/// Least cosine between normal and line of sight for a frame to look at a vertex, and with the vertical for
+/// one that faces floor or ceiling.
+const FACING: Real = 0.5;
 /// Votes for skin at an unseen vertex: one frame.
 const VOTE: Real = 1.0;
 
 /// The parts of the surface between a skirt's hem and the legs close it, but are not cloth: spanned
-/// vertices that no frame sees belong to no garment, neither to the skirt nor to what is worn below.
+/// vertices that frames look at, but do not see, belong to no garment, neither to the skirt nor to what is
+/// worn below. The side that a person never turned to the camera is cloth all the same.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Underside {
-    /// Whether each vertex of the canonical mesh lies where clothes span a gap of the template.
+    /// Whether each vertex of the canonical mesh lies where clothes span a gap of the template, and a frame
+    /// looks at it, or it faces floor or ceiling.
     pub spanned: Vec<bool>,
     /// Votes below which a vertex counts as unseen.
     pub unseen: Real,
@@ -39,14 +47,19 @@ impl Underside {
         surface: &Surface,
         template: &TemplateBody,
         capture: &Capture,
-        mesh: &TriMesh,
-    ) -> Option<Self> {
-        surface.report.start.filled.as_ref()?;
+        (mesh, skin): (&TriMesh, &SkinWeights),
+    ) -> Result<Option<Self>, ReconstructError> {
+        if surface.report.start.filled.is_none() {
+            return Ok(None);
+        }
         let near = carried_to(&template.mesh, &template.skin, mesh.vertices());
-        Some(Self {
-            spanned: near.iter().map(|(distance, _)| *distance > SPANNED).collect(),
+        let looked_at = looked_at(capture, &template.skeleton, (mesh, skin))?;
+        let spanned =
+            near.iter().zip(looked_at).map(|((d, _), looked_at)| *d > SPANNED && looked_at);
+        Ok(Some(Self {
+            spanned: spanned.collect(),
             unseen: UNSEEN.min(UNSEEN_SHARE * capture.len() as Real),
-        })
+        }))
     }
 
     /// The votes, with one more for skin, which is no garment, at each vertex of an unseen spanned
@@ -58,6 +71,30 @@ impl Underside {
         }
         votes
     }
+}
+
+/// For each vertex whether it faces floor or ceiling, or the camera in a frame, whatever lies between.
+fn looked_at(
+    capture: &Capture,
+    skeleton: &Skeleton,
+    (mesh, skin): (&TriMesh, &SkinWeights),
+) -> Result<Vec<bool>, ReconstructError> {
+    let (x, normals) = (mesh.vertices(), mesh.vertex_normals());
+    let mut looked_at: Vec<bool> = normals.iter().map(|n| n.y.abs() > FACING).collect();
+    let eye = capture.camera().center();
+    for frame in 0..capture.len() {
+        let transforms = skeleton
+            .transforms(capture.pose(frame))
+            .map_err(|source| ReconstructError::Pose { frame, source })?;
+        let maps = blends(skin, &transforms);
+        looked_at.par_iter_mut().enumerate().filter(|(_, known)| !**known).for_each(
+            |(v, known)| {
+                let sight = unit_or_zero(&(eye - maps[v].point(&x[v])));
+                *known = maps[v].normal(&normals[v]).dot(&sight) > FACING;
+            },
+        );
+    }
+    Ok(looked_at)
 }
 
 /// The vertices for which `wanted` is true in patches of at least the least area, in ascending

@@ -15,7 +15,7 @@ use super::progress;
 use super::surface::{Surface, fit_surface};
 use super::underside::Underside;
 use super::whole_report::{GarmentReport, LabelReport, ReconstructReport, Seconds};
-use crate::capture::Capture;
+use crate::capture::{Capture, CaptureError};
 use if_body::{Pose, SkinWeights, TemplateBody};
 use if_core::field::SignedDistance;
 use if_core::math::Real;
@@ -23,6 +23,7 @@ use if_core::mesh::TriMesh;
 use if_core::monitor::Monitor;
 use if_core::parameter::ParameterError;
 use if_mesh::baked::{BakeParams, Baked};
+use if_mesh::camera::Camera;
 use if_mesh::extract::{ExtractParams, Resolution, extract};
 use if_mesh::sdf::MeshSdf;
 use if_neural::field::NeuralField;
@@ -102,8 +103,10 @@ pub struct Reconstruction {
     pub mesh: TriMesh,
     /// Its skinning weights.
     pub skin: SkinWeights,
-    /// The refined pose of each frame, if requested.
+    /// The refined pose of each frame, if poses are estimates.
     pub poses: Option<Vec<Pose>>,
+    /// The camera that those go with.
+    pub camera: Option<Camera>,
     /// The label of each of its vertices.
     pub labels: Vec<u8>,
     /// φ and d as networks, if they were trained.
@@ -118,6 +121,28 @@ pub struct Reconstruction {
     pub garments: Vec<Garment>,
     /// Report.
     pub report: ReconstructReport,
+}
+
+impl Reconstruction {
+    /// The capture with the poses and the camera that were found: those that all else here goes with.
+    ///
+    /// # Errors
+    ///
+    /// It has other joints.
+    ///
+    /// # Panics
+    ///
+    /// If it has another number of frames, or pictures of another size.
+    pub fn corrected(&self, capture: &Capture) -> Result<Capture, CaptureError> {
+        let mut corrected = capture.clone();
+        if let Some(poses) = &self.poses {
+            corrected = corrected.with_poses(poses.clone())?;
+        }
+        Ok(match &self.camera {
+            Some(camera) => corrected.with_camera(camera.clone()),
+            None => corrected,
+        })
+    }
 }
 
 /// Reconstructs a person in clothes and each garment from a capture.
@@ -135,7 +160,7 @@ pub struct Reconstruction {
 /// ```
 ///
 /// `checkpoint` is that of [`fit_surface`], and beside it [`fields_checkpoint`] that of
-/// [`fit_fields`]; the other stages take seconds and are repeated. The monitor receives the stages
+/// [`fit_fields`]; the other stages are repeated, refined poses too. The monitor receives the stages
 /// of all calls, and `extract`.
 ///
 /// # Errors
@@ -149,6 +174,8 @@ pub fn reconstruct(
     monitor: &mut dyn Monitor,
 ) -> Result<Reconstruction, ReconstructError> {
     params.validate()?;
+    // What is fitted must have an inside: told of before the work, not after it.
+    MeshSdf::closed(&template.mesh).map_err(ReconstructError::TemplateInside)?;
     let skeleton = &template.skeleton;
     let mut seconds = Seconds::default();
     let mut lap = Lap::start();
@@ -224,7 +251,7 @@ pub fn reconstruct(
         Some((_, field)) => field,
         None => &exact,
     };
-    let underside = Underside::of(&surface, template, capture, &mesh);
+    let underside = Underside::of(&surface, template, capture, (&mesh, &skin))?;
     let person = ClothedPerson {
         skeleton,
         mesh: &mesh,
@@ -244,7 +271,8 @@ pub fn reconstruct(
     }
     lap.end(&mut seconds.bake);
 
-    let (poses, pose_report) = refined.map(|r| (r.poses, r.report)).unzip();
+    let (found, pose_report) = refined.map(|r| ((r.poses, r.camera), r.report)).unzip();
+    let (poses, camera) = found.unzip();
     let report = ReconstructReport {
         poses: pose_report,
         surface: surface.report,
@@ -259,11 +287,13 @@ pub fn reconstruct(
         missing,
         seconds,
     };
+    let report = report.numbered(capture);
     let fields = trained.map(|(fields, _)| fields);
     Ok(Reconstruction {
         mesh,
         skin,
         poses,
+        camera,
         labels,
         fields,
         motion,

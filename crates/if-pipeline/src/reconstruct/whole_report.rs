@@ -92,6 +92,25 @@ impl LabelReport {
     }
 }
 
+impl ReconstructReport {
+    /// With the numbers of frames in the capture, which its file names have, instead of their indices.
+    pub(super) fn numbered(mut self, capture: &Capture) -> Self {
+        let number = |frame: &mut usize| *frame = capture.number(*frame) as usize;
+        let surface = &mut self.surface;
+        surface.skipped = surface.skipped.drain(..).map(|s| s.numbered(capture)).collect();
+        surface.quality.frames.iter_mut().for_each(|f| number(&mut f.frame));
+        surface.quality.doubts.iter_mut().for_each(|d| number(&mut d.frame));
+        if let Some(poses) = &mut self.poses {
+            poses.unused.iter_mut().for_each(number);
+        }
+        if let Some(motion) = &mut self.motion {
+            motion.skipped.iter_mut().for_each(number);
+            motion.frames.iter_mut().for_each(|f| number(&mut f.frame));
+        }
+        self
+    }
+}
+
 impl GarmentReport {
     pub(super) fn of(garment: &Garment) -> Self {
         let clean = &garment.cleanup;

@@ -51,12 +51,14 @@ pub(super) struct Prior {
 }
 
 impl Modes {
-    /// The modes of frames with these numbers in time.
-    pub(super) fn new(count: usize, prior: &Prior) -> Self {
-        let n = count;
+    /// The modes of frames with these numbers in time, increasing.
+    pub(super) fn new(numbers: &[u32], prior: &Prior) -> Self {
+        let n = numbers.len();
+        let paces = paces(numbers);
         let mut roughness = DMatrix::<Real>::zeros(n, n);
         for i in 2..n {
-            let row = [(i - 2, 1.0), (i - 1, -2.0), (i, 1.0)];
+            let (before, after) = (paces[i - 2], paces[i - 1]);
+            let row = [(i - 2, before), (i - 1, -before - after), (i, after)];
             for (a, x) in row {
                 for (b, y) in row {
                     roughness[(a, b)] += prior.acceleration * x * y;
@@ -108,6 +110,14 @@ impl Modes {
             })
             .collect()
     }
+}
+
+/// Between frames and the next ones: the mean time between frames as a multiple of theirs.
+fn paces(numbers: &[u32]) -> Vec<Real> {
+    let apart = |w: &[u32]| Real::from(w[1] - w[0]);
+    let sum: Real = numbers.windows(2).map(apart).sum();
+    let mean = sum / numbers.len().saturating_sub(1).max(1) as Real;
+    numbers.windows(2).map(|w| mean / apart(w)).collect()
 }
 
 /// The equations.
@@ -293,7 +303,8 @@ mod tests {
             bending: 3.0,
             acceleration: 0.1,
         };
-        let modes = Modes::new(count, &prior);
+        let numbers: Vec<u32> = (0..count as u32).map(|k| 3 * k).collect();
+        let modes = Modes::new(&numbers, &prior);
         // Evidence that differs from frame to frame; the third has none.
         let frame = |i: usize| Observed {
             diagonal: (0..n).map(|v| 1.0 + 0.1 * ((v + i) % 7) as Real).collect(),
@@ -381,7 +392,7 @@ mod tests {
             bending: 15.0,
             acceleration: 0.1,
         };
-        let modes = Modes::new(6, &prior);
+        let modes = Modes::new(&[0, 1, 2, 3, 4, 5], &prior);
         let frame = || Observed {
             diagonal: vec![0.3; n],
             across: vec![0.0; edges.vertices.len()],

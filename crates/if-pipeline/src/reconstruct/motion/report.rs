@@ -28,7 +28,8 @@ pub struct MotionRound {
 /// |d| in a frame, over the vertices of the fitted surface.
 #[derive(Clone, Copy, Debug, PartialEq, Default, Serialize, Deserialize)]
 pub struct FrameMotion {
-    /// Its index in the capture.
+    /// Its index in the capture; in a [`ReconstructReport`](crate::reconstruct::ReconstructReport) its
+    /// number there.
     pub frame: usize,
     /// Whether it was solved; else it is interpolated between its neighbours in time.
     pub solved: bool,
