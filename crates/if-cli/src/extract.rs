@@ -278,8 +278,8 @@ impl Source {
             scale,
             source,
         })?;
-        let field = MeshSdf::closed(&mesh)
-            .map_err(|source| ExtractFault::Field { path: path(), source })?;
+        let field =
+            MeshSdf::sewn(&mesh).map_err(|source| ExtractFault::Field { path: path(), source })?;
         let coordinates =
             if file.is_single_precision() { CoordinateType::Float } else { CoordinateType::Double };
         Ok(Self::Mesh { mesh, field: Box::new(field), coordinates })

@@ -4,6 +4,7 @@
 use crate::index::Bvh;
 use crate::inverted::{InvertedPart, inverted_part};
 use crate::pseudo_normals::PseudoNormals;
+use crate::seams::weld;
 use if_core::aabb::Aabb;
 use if_core::closest::{Closest, ClosestPoint, Feature};
 use if_core::edges::Edges;
@@ -106,6 +107,16 @@ pub struct MeshSdf {
 }
 
 impl MeshSdf {
+    /// [`Self::closed`] of the mesh with its seams welded ([`weld`]): as exporters write closed bodies, with
+    /// vertices of their own on both sides of a seam.
+    ///
+    /// # Errors
+    ///
+    /// Those of [`Self::closed`].
+    pub fn sewn(mesh: &TriMesh) -> Result<Self, SdfError> {
+        Self::closed(weld(mesh).as_ref().map_or(mesh, |welded| &welded.mesh))
+    }
+
     /// The field of a closed mesh that faces outwards, everywhere.
     ///
     /// # Errors

@@ -5,6 +5,8 @@ mod winding;
 use crate::error::TargetError;
 use if_core::aabb::Aabb;
 use if_core::math::{Point, Real, Vector, unit_or_zero};
+use std::collections::HashMap;
+use std::collections::hash_map::Entry;
 
 /// Points of a leaf of the tree.
 const LEAF: usize = 8;
@@ -57,7 +59,8 @@ pub struct Estimate {
 }
 
 impl OrientedPoints {
-    /// Builds the tree over points (metres) with outward normals of any length.
+    /// Builds the tree over points (metres) with outward normals of any length. Points at one position, as
+    /// files without shared vertices have them, count as one, with the mean of their unit normals.
     ///
     /// # Errors
     ///
@@ -77,6 +80,10 @@ impl OrientedPoints {
                 return Err(TargetError::NotOriented { index, point: *point, normal: *normal });
             }
             unit.push(n);
+        }
+        let (points, unit) = merged(points, unit);
+        if points.len() < NEIGHBOURS {
+            return Err(TargetError::TooFewPoints { got: points.len(), needed: NEIGHBOURS });
         }
         let aabb = Aabb::from_points(&points);
         let size = aabb.diagonal();
@@ -172,6 +179,31 @@ impl OrientedPoints {
         if off * off < out[NEIGHBOURS - 1].0 {
             self.descend(far, p, out);
         }
+    }
+
+    /// Points with unit normals, each position once, where it comes first. A position whose normals cancel is
+    /// left out.
+    fn merged(points: Vec<Point>, unit: Vec<Vector>) -> (Vec<Point>, Vec<Vector>) {
+        // The bits of a coordinate; both zeros are equal.
+        let key = |p: &Point| [p.x, p.y, p.z].map(|x| (x + 0.0).to_bits());
+        let mut first = HashMap::with_capacity(points.len());
+        let mut found: Vec<(Point, Vector, bool)> = Vec::with_capacity(points.len());
+        for (p, n) in points.into_iter().zip(unit) {
+            match first.entry(key(&p)) {
+                Entry::Vacant(place) => {
+                    place.insert(found.len());
+                    found.push((p, n, false));
+                }
+                Entry::Occupied(place) => {
+                    let (_, sum, repeated) = &mut found[*place.get()];
+                    (*sum, *repeated) = (*sum + n, true);
+                }
+            }
+        }
+        let mean = |(p, n, repeated): (Point, Vector, bool)| {
+            (p, if repeated { unit_or_zero(&n) } else { n })
+        };
+        found.into_iter().map(mean).filter(|(_, n)| *n != Vector::zeros()).unzip()
     }
 
     /// The signed distance at `p` by the points near it:
@@ -298,6 +330,27 @@ mod tests {
                 assert_eq!(f.0, *a);
             }
         }
+    }
+
+    #[test]
+    fn repeated_points_count_as_one() {
+        let mesh = meshes::icosphere(0.5, 3);
+        let normal = |v: &u32| mesh.vertices()[*v as usize].coords;
+        let corners: Vec<u32> = mesh.triangles().as_flattened().to_vec();
+        let points = corners.iter().map(|v| mesh.vertices()[*v as usize]).collect();
+        let soup = OrientedPoints::new(points, corners.iter().map(normal).collect()).unwrap();
+        let n = mesh.vertices().len();
+        let all: Vec<u32> = (0..n as u32).collect();
+        let shared =
+            OrientedPoints::new(mesh.vertices().to_vec(), all.iter().map(normal).collect())
+                .unwrap();
+        assert_eq!((soup.points().len(), soup.spacing()), (n, shared.spacing()));
+        // A position whose normals cancel has no side.
+        let mut points = mesh.vertices().to_vec();
+        points.push(points[7]);
+        let mut normals: Vec<Vector> = all.iter().map(normal).collect();
+        normals.push(-normals[7]);
+        assert_eq!(OrientedPoints::new(points, normals).unwrap().points().len(), n - 1);
     }
 
     #[test]

@@ -132,17 +132,6 @@ impl DeformationNetwork {
         &mut self.theta
     }
 
-    /// hᵢ of `frame`.
-    ///
-    /// # Panics
-    ///
-    /// If the frame is out of range.
-    pub fn embedding(&self, frame: usize) -> &[f32] {
-        assert!(frame < self.config.frames, "frame {frame} of {}", self.config.frames);
-        let at = self.layout.parameters + frame * self.config.embedding;
-        &self.theta[at..at + self.config.embedding]
-    }
-
     /// Brings what is derived from θ up to date.
     pub fn refresh(&mut self) {
         self.packed.refresh(&self.layout, &self.theta);

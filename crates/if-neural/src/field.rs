@@ -137,20 +137,6 @@ impl<N: Samples32> NeuralField<N> {
         Ok(field)
     }
 
-    /// The same with a Lipschitz bound of the network from the caller.
-    ///
-    /// # Panics
-    ///
-    /// If it is not a finite number above zero.
-    #[must_use]
-    pub fn with_lipschitz(self, lipschitz: Real) -> Self {
-        assert!(
-            lipschitz > 0.0 && lipschitz.is_finite(),
-            "a Lipschitz bound is a finite number above zero, not {lipschitz}"
-        );
-        Self { lipschitz, ..self }
-    }
-
     /// The network.
     pub fn network(&self) -> &N {
         &self.network
@@ -307,7 +293,6 @@ mod tests {
     use super::*;
     use crate::grid::GridConfig;
     use if_core::conformance::{FieldTolerances, check_signed_distance};
-    use std::panic::{AssertUnwindSafe, catch_unwind};
 
     fn ball() -> NeuralField<GridField> {
         let grid =
@@ -357,15 +342,5 @@ mod tests {
             NeuralField::new(ball().network().clone(), bad),
             Err(FieldError::Frame(_))
         ));
-    }
-
-    #[test]
-    fn invalid_lipschitz_bounds_panic() {
-        let field = ball();
-        assert_eq!(field.clone().with_lipschitz(3.0).lipschitz(), 3.0f64.hypot(1.0));
-        for bad in [0.0, -1.0, Real::NAN, Real::INFINITY] {
-            let field = field.clone();
-            assert!(catch_unwind(AssertUnwindSafe(|| field.with_lipschitz(bad))).is_err(), "{bad}");
-        }
     }
 }

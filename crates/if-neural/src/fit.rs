@@ -25,8 +25,8 @@ const CONFIRM_EVERY: u64 = 4;
 /// Errors below so many network units are no divergence: the first values of a grid on a smooth
 /// surface are a thousand times better than the noise of the steps.
 const NOISE: Real = 1e-4;
-/// Means of held-out points of one target differ by less than this, in network units, for any
-/// seed; those of another target by some thousand times more.
+/// Means of held-out points of one target, drawn with the same seed and counts, differ by less than this, in
+/// network units; those of another target by some thousand times more.
 const SAME_TARGET: Real = 1e-6;
 
 /// How to fit a field.
@@ -199,8 +199,8 @@ impl Fit {
         self.training.step
     }
 
-    /// Whether the fit can go on with `set`: it has not begun, or it began with points of this
-    /// target.
+    /// Whether the fit can go on with `set`: it has not begun, or it began with points of this target, drawn
+    /// with the same seed and counts.
     pub fn matches(&self, set: &TrainingSet) -> bool {
         let most = SAME_TARGET / set.frame.scale;
         self.means.is_none_or(|means| {

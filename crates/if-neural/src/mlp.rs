@@ -149,7 +149,7 @@ impl DeformationConfig {
     }
 }
 
-/// Most bands of an encoding: 2¹⁶ turns per metre resolve 15 µm, below what f32 points hold.
+/// Most bands of an encoding. The highest has 2¹⁵ radians per unit: more is finer than f32 points hold.
 const MAX_BANDS: usize = 16;
 /// Widest layer: its matrix has 64 MiB.
 const MAX_WIDTH: usize = 4096;

@@ -59,7 +59,7 @@ impl MeshTarget {
     /// [`MeshTargetError`], with advice.
     pub fn new(mesh: &TriMesh, take: Take) -> Result<Self, MeshTargetError> {
         if take != Take::Points {
-            match MeshSdf::closed(mesh) {
+            match MeshSdf::sewn(mesh) {
                 Ok(field) => return Ok(Self::Field(field)),
                 Err(
                     e @ (SdfError::InsideOut { .. }
@@ -116,6 +116,13 @@ mod tests {
         let ball = meshes::icosphere(0.5, 4);
         assert!(matches!(MeshTarget::new(&ball, Take::Either), Ok(MeshTarget::Field(_))));
         assert!(matches!(MeshTarget::new(&ball, Take::Points), Ok(MeshTarget::Points(_))));
+        // As exporters write it, each triangle with vertices of its own.
+        let corners = ball.triangles().as_flattened().iter();
+        let corners: Vec<Point> = corners.map(|v| ball.vertices()[*v as usize]).collect();
+        let own =
+            (0..ball.triangles().len() as u32).map(|t| [3 * t, 3 * t + 1, 3 * t + 2]).collect();
+        let soup = TriMesh::new(corners, own).unwrap();
+        assert!(matches!(MeshTarget::new(&soup, Take::Either), Ok(MeshTarget::Field(_))));
         let open = with(ball.triangles()[20..].to_vec());
         assert!(matches!(MeshTarget::new(&open, Take::Either), Ok(MeshTarget::Points(_))));
         assert!(matches!(

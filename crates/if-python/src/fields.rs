@@ -33,7 +33,7 @@ pub(crate) fn extract<'py>(
     let found = work::run(py, threads, progress.as_ref(), move |monitor| {
         let extraction: Result<Extraction, _> = match (mesh, network) {
             (Some(mesh), _) => {
-                let field = MeshSdf::closed(&mesh).map_err(|e| chain(&e))?;
+                let field = MeshSdf::sewn(&mesh).map_err(|e| chain(&e))?;
                 surface::extract(&field, &params, monitor)
             }
             (None, network) => {

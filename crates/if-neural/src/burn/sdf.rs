@@ -125,7 +125,10 @@ impl<B: Backend> SdfModule<B> {
         match self.gains.get(l) {
             None => v,
             Some(gain) => {
-                let norm = v.clone().powi_scalar(2).sum_dim(1).sqrt();
+                // A row of zeros stays one, as in the kernels.
+                let square = v.clone().powi_scalar(2).sum_dim(1);
+                let zero = square.clone().equal_elem(0.0);
+                let norm = square.mask_fill(zero, 1.0).sqrt();
                 v * (gain.val().unsqueeze_dim(1) / norm)
             }
         }

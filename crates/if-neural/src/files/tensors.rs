@@ -90,7 +90,10 @@ impl Tensors {
         // The version first: the rest of a later one may be unknown.
         let value: serde_json::Value = serde_json::from_str(text).map_err(fault)?;
         let version = value.get("version").and_then(serde_json::Value::as_u64).unwrap_or(0);
-        if version == 0 || version > u64::from(VERSION) {
+        if version == 0 {
+            return Err(ReadError::Metadata { message: "`version` is missing".into() });
+        }
+        if version > u64::from(VERSION) {
             return Err(ReadError::Version { found: version.min(u64::from(u32::MAX)) as u32 });
         }
         let header: Header = serde_json::from_value(value).map_err(fault)?;

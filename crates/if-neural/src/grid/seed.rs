@@ -11,7 +11,7 @@ const BRICK: usize = 8;
 /// Points of one call.
 const BATCH: usize = 1 << 15;
 /// Levels with more nodes along a side are not seeded: the residual takes 4 bytes a node.
-const LARGEST: usize = 512;
+pub(super) const LARGEST: usize = 512;
 
 impl GridField {
     /// Sets the linear path of the `levels` coarsest levels to a target given by its values: the

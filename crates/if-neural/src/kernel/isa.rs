@@ -7,8 +7,7 @@ use pulp::{Simd, WithSimd};
 /// # Accuracy
 ///
 /// AVX-512 and AVX2 both fuse each multiplication with its addition and sum in the same order, so
-/// results have the same bits. The portable path rounds twice where the others round once. See
-/// `docs/evidence/neural.md` for the differences measured.
+/// results have the same bits. The portable path rounds twice where the others round once.
 #[derive(Clone, Copy, Debug)]
 pub struct Isa(Kind);
 

@@ -16,7 +16,7 @@ const UNROLL: usize = 4;
 /// features, its rows, and what else it takes. As many sums as registers hold: 24 of 32 with
 /// AVX-512, 12 of 16 with AVX2. Four vectors of 6 rows need 10 loads for 24 multiplications and few
 /// addresses, two of 12 rows 14 loads and many: what else a core has to decode decides where two
-/// hardware threads share it (`docs/evidence/neural.md`).
+/// hardware threads share it.
 macro_rules! by_lanes {
     ($S:ident, $name:ident, ($($arg:expr),*), $($a:literal)*, $($b:literal)*, $($c:literal)*) => {
         match $S::F32_LANES {

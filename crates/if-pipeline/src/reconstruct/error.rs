@@ -113,8 +113,8 @@ pub enum ReconstructError {
         "the motion of the frames has no finite solution in round {round}; check the scale of normals and weights"
     )]
     MotionDiverged { round: usize },
-    /// The fit of the motion's network diverged.
-    #[error("the network of the motion diverged after {steps} steps; lower `fit.schedule.rate`")]
+    /// The fit of a network, of the motion or of φ, diverged.
+    #[error("the fit of a network diverged after {steps} steps; lower its rate")]
     NetworkDiverged { steps: u64 },
 
     // Garments.

@@ -8,6 +8,8 @@ use super::projection::{in_camera, pixels_per_metre};
 use crate::capture::FIRST_GARMENT;
 use if_body::SkinWeights;
 use if_body::skinning::{Affine, WeightGrid, blends, pose_points};
+use if_core::SignedDistance;
+use if_core::aabb::Aabb;
 use if_core::math::{Point, Real, Vector};
 use if_core::mesh::TriMesh;
 use if_mesh::camera::Camera;
@@ -44,6 +46,12 @@ const LEAST_CERTAIN: Real = 1e-4;
 /// litres, the narrowest pencil skirts 0.21.
 const LEAST_CERTAIN_BETWEEN: Real = 2e-4;
 
+/// Share of a person's pixels that lie no farther beside the template than its clothes reach. The others
+/// are noise of masks.
+const NEARLY_ALL: Real = 0.999;
+/// Largest distance from the template that clothes reach, in metres.
+const WIDEST: Real = 1.2;
+
 /// Where a pixel lies.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Place {
@@ -64,6 +72,8 @@ pub(super) struct View<'a> {
     depth: Vec<f32>,
     /// Where each pixel of the person lies beside the posed template.
     place: Vec<Place>,
+    /// How far beside it nearly all pixels of the person lie at most, in metres.
+    widest: Real,
     /// Whether pixels between two parts of it count as far from it.
     pub(super) between: bool,
     /// Label image; empty until it is read.
@@ -108,9 +118,17 @@ impl<'a> View<'a> {
             _ => Place::Near,
         };
         let place = (0..figure.len()).map(place).collect();
+        let person = (0..figure.len()).filter(|i| frame.outside.pixel(*i) < 0.0);
+        let mut beside: Vec<f32> = person.map(|i| away.pixel(i)).collect();
+        let rank = (NEARLY_ALL * beside.len() as Real) as usize;
+        let widest = match beside.len() {
+            0 => 0.0,
+            n => Real::from(*beside.select_nth_unstable_by(rank.min(n - 1), f32::total_cmp).1),
+        };
+        let widest = widest / per_metre;
         let maps = frame.transforms.iter().map(in_camera(camera)).collect();
         let (outside, depth) = (&frame.outside, buffer.depth);
-        Self { maps, outside, depth, place, between: false, labels: Vec::new() }
+        Self { maps, outside, depth, place, widest, between: false, labels: Vec::new() }
     }
 
     /// Whether a pixel of the person is far from the posed template.
@@ -208,14 +226,15 @@ pub(super) fn fill(
     };
     let least = if views.iter().any(|v| v.between) { LEAST_CERTAIN_BETWEEN } else { LEAST_CERTAIN };
     // Twice as large voxels are an eighth of the work, and tell where next to nothing is certain.
-    let coarse = Lattice::new(&grid.bounds(), 2.0 * cell);
+    let bounds = bounds(grid, template, views);
+    let coarse = Lattice::new(&bounds, 2.0 * cell);
     let coarse_space = states(&coarse);
     let some =
         coarse_space.iter().filter(|s| matches!(s, Space::Maybe { certain: true, .. })).count();
     if (some as Real) * coarse.cell.powi(3) < 0.5 * least {
         return None;
     }
-    let lattice = Lattice::new(&grid.bounds(), cell);
+    let lattice = Lattice::new(&bounds, cell);
     let mut space = states(&lattice);
 
     // J: the joints that move certain voxels most, and their parents.
@@ -250,6 +269,17 @@ pub(super) fn fill(
     taper(&lattice, &mut space);
     shut_in(&lattice, &mut space);
     Some(Filling { lattice, space, certain, joints, loose: loose.to_vec() })
+}
+
+/// Where clothes may be: the box of the grid, and for clothes that frames show farther from the template
+/// than that is from its box, a larger one.
+fn bounds(grid: &WeightGrid, template: &FloodedField, views: &[View]) -> Aabb {
+    let all = grid.bounds();
+    let body = template.bounds().unwrap_or(all);
+    let (low, high) = (body.min - all.min, all.max - body.max);
+    let margin = low.iter().chain(high.iter()).copied().fold(Real::INFINITY, Real::min);
+    let widest = views.iter().map(|view| view.widest).fold(0.0, Real::max).min(WIDEST);
+    all.inflated((widest - margin).max(0.0))
 }
 
 /// Goes on beyond J, ever thinner: `up` steps from the fill, of at most n, voxels are filled that lie
@@ -536,6 +566,7 @@ mod tests {
             outside: &outside,
             depth: vec![Real::INFINITY as f32; 8],
             place: [[Place::Far; 6].as_slice(), &[Place::Between, Place::Near]].concat(),
+            widest: 0.0,
             between: false,
             labels,
         };

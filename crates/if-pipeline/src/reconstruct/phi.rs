@@ -5,6 +5,7 @@ use super::progress::{control, report};
 use if_core::field::SignedDistance;
 use if_core::math::Real;
 use if_core::monitor::{Monitor, Progress};
+use if_neural::Ended;
 use if_neural::field::NeuralField;
 use if_neural::files::{WeightNorm, write_network};
 use if_neural::fit::{Fit, FitParams};
@@ -104,6 +105,9 @@ pub fn fit_phi(
         control(report(monitor, "phi", (p.done, steps), mean))
     };
     let found = Fit::new(fit)?.run(&mut network, &set, &mut progress)?;
+    if found.ended == Ended::Diverged {
+        return Err(ReconstructError::NetworkDiverged { steps: found.steps });
+    }
     let (e, frame) = (&found.error, set.frame);
     let errors = PhiReport {
         steps: found.steps,
