@@ -181,31 +181,6 @@ impl OrientedPoints {
         }
     }
 
-    /// Points with unit normals, each position once, where it comes first. A position whose normals cancel is
-    /// left out.
-    fn merged(points: Vec<Point>, unit: Vec<Vector>) -> (Vec<Point>, Vec<Vector>) {
-        // The bits of a coordinate; both zeros are equal.
-        let key = |p: &Point| [p.x, p.y, p.z].map(|x| (x + 0.0).to_bits());
-        let mut first = HashMap::with_capacity(points.len());
-        let mut found: Vec<(Point, Vector, bool)> = Vec::with_capacity(points.len());
-        for (p, n) in points.into_iter().zip(unit) {
-            match first.entry(key(&p)) {
-                Entry::Vacant(place) => {
-                    place.insert(found.len());
-                    found.push((p, n, false));
-                }
-                Entry::Occupied(place) => {
-                    let (_, sum, repeated) = &mut found[*place.get()];
-                    (*sum, *repeated) = (*sum + n, true);
-                }
-            }
-        }
-        let mean = |(p, n, repeated): (Point, Vector, bool)| {
-            (p, if repeated { unit_or_zero(&n) } else { n })
-        };
-        found.into_iter().map(mean).filter(|(_, n)| *n != Vector::zeros()).unzip()
-    }
-
     /// The signed distance at `p` by the points near it:
     ///
     /// ```text
@@ -279,6 +254,30 @@ impl OrientedPoints {
         }
         Estimate { distance, normal, trust, nearest }
     }
+}
+
+/// Points with unit normals, each position once, where it comes first. A position whose normals cancel is
+/// left out.
+fn merged(points: Vec<Point>, unit: Vec<Vector>) -> (Vec<Point>, Vec<Vector>) {
+    // The bits of a coordinate; both zeros are equal.
+    let key = |p: &Point| [p.x, p.y, p.z].map(|x| (x + 0.0).to_bits());
+    let mut first = HashMap::with_capacity(points.len());
+    let mut found: Vec<(Point, Vector, bool)> = Vec::with_capacity(points.len());
+    for (p, n) in points.into_iter().zip(unit) {
+        match first.entry(key(&p)) {
+            Entry::Vacant(place) => {
+                place.insert(found.len());
+                found.push((p, n, false));
+            }
+            Entry::Occupied(place) => {
+                let (_, sum, repeated) = &mut found[*place.get()];
+                (*sum, *repeated) = (*sum + n, true);
+            }
+        }
+    }
+    let mean =
+        |(p, n, repeated): (Point, Vector, bool)| (p, if repeated { unit_or_zero(&n) } else { n });
+    found.into_iter().map(mean).filter(|(_, n)| *n != Vector::zeros()).unzip()
 }
 
 fn build(points: &[Point], order: &mut [u32], (from, to): (usize, usize), nodes: &mut Vec<Node>) {
