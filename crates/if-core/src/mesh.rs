@@ -210,7 +210,9 @@ impl TriMesh {
     /// Signed volume by the divergence theorem, in cubic metres. Meaningful for closed
     /// meshes only: positive where triangles wind counter-clockwise seen from outside.
     pub fn signed_volume(&self) -> Real {
-        let o = self.vertices.first().copied().unwrap_or_else(Point::origin);
+        // A vertex of the surface: others may lie so far away that rounding would decide.
+        let first = self.triangles.first().map(|t| self.vertices[t[0] as usize]);
+        let o = first.unwrap_or_else(Point::origin);
         (0..self.triangles.len())
             .map(|t| {
                 let [a, b, c] = self.corners(t);
@@ -315,5 +317,14 @@ mod tests {
         assert_eq!(TriMesh::new(vec![], vec![]).unwrap().area(), 0.0);
         let line = TriMesh::new(vec![Point::origin(); 3], vec![[0, 1, 2]]).unwrap();
         assert_eq!(line.vertex_normals(), vec![Vector::zeros(); 3]);
+    }
+
+    #[test]
+    fn an_unused_vertex_far_away_changes_no_volume() {
+        let ball = crate::shapes::meshes::icosphere(1.0, 2);
+        let vertices = [&[Point::new(1e30, 1e30, 1e30)], ball.vertices()].concat();
+        let triangles = ball.triangles().iter().map(|t| t.map(|v| v + 1)).collect();
+        let with_stray = TriMesh::new(vertices, triangles).unwrap();
+        assert_eq!(with_stray.signed_volume(), ball.signed_volume());
     }
 }

@@ -57,6 +57,22 @@ impl PseudoNormals {
             }
         }
         self.vertices = mesh.vertex_normals();
+        if self.edges.contains(&Vector::zeros()) {
+            self.complete_edges();
+        }
+    }
+
+    /// Gives an edge between two triangles without area the side of its ends.
+    fn complete_edges(&mut self) {
+        for (t, e) in self.edge_of.iter().enumerate() {
+            for k in 0..3 {
+                let edge = &mut self.edges[e[k] as usize];
+                if *edge == Vector::zeros() {
+                    let [from, to] = [k, (k + 1) % 3].map(|k| self.triangles[t][k] as usize);
+                    *edge = self.vertices[from] + self.vertices[to];
+                }
+            }
+        }
     }
 
     /// Unit normal of triangle `t`; zero if it is degenerate.

@@ -83,13 +83,18 @@ fn join_boundary(mesh: &TriMesh, exact: &[u32]) -> Vec<u32> {
     let place = |v: u32| mesh.vertices()[v as usize].coords.map(|x| (x / cell).floor() as i64);
     let mut cells: BTreeMap<[i64; 3], u32> = BTreeMap::new();
     for v in (0..first.len() as u32).filter(|v| on_boundary[*v as usize]) {
+        let twin = exact[v as usize];
+        if twin != v && on_boundary[twin as usize] {
+            first[v as usize] = first[twin as usize];
+            continue;
+        }
         let at = place(v);
         let near = (0..27).find_map(|k| {
             let step = [k % 3 - 1, k / 3 % 3 - 1, k / 9 - 1];
             let beside = [0, 1, 2].map(|axis| at[axis].saturating_add(step[axis]));
             let other = *cells.get(&beside)?;
             let distance = mesh.vertices()[other as usize] - mesh.vertices()[v as usize];
-            (exact[other as usize] == exact[v as usize] || distance.norm() <= cell).then_some(other)
+            (distance.norm() <= cell).then_some(other)
         });
         match near {
             Some(other) => first[v as usize] = other,

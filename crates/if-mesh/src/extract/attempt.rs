@@ -26,7 +26,7 @@ pub(super) fn attempt(
     params: &ExtractParams,
     budget: &mut Budget,
 ) -> Result<Extraction, ExtractError> {
-    let lattice = lattice_of(region, cell, params.phase)?;
+    let lattice = lattice_of((region, params.region.is_none()), cell, params.phase)?;
     budget.cell = cell;
     let mut evaluations = Evaluations::default();
     let mut seconds = Seconds::default();
@@ -89,8 +89,9 @@ pub(super) fn attempt(
 
     let mesh = if params.relax > 0 {
         let rounds = RelaxParams { rounds: params.relax, ..RelaxParams::default() };
-        let relaxed = relax_within(&mesh, field, &rounds, Some(&lattice.aabb().inflated(cell)));
-        budget.evaluated("relax", params.relax * mesh.vertices().len())?;
+        let region = lattice.aabb().inflated(cell);
+        let relaxed =
+            relax_within(&mesh, field, &rounds, Some(&region), |n| budget.evaluated("relax", n))?;
         // Where triangles reach from one sheet to the other, relaxing may let them meet.
         if near.within(cell) { check::without_new_intersections(&mesh, relaxed) } else { relaxed }
     } else {
@@ -120,10 +121,20 @@ pub(super) fn attempt(
 /// (1e-13 of them) adds no layer of cells.
 const WHOLE: Real = 1e-6;
 
-fn lattice_of(region: &Aabb, cell: Real, phase: [Real; 3]) -> Result<Lattice, ExtractError> {
+/// The lattice over a region. If that is the `tight` box of the surface, its last nodes lie beyond its sides: a
+/// flat side through nodes would not be crossed.
+fn lattice_of(
+    (region, tight): (&Aabb, bool),
+    cell: Real,
+    phase: [Real; 3],
+) -> Result<Lattice, ExtractError> {
     let size = region.size();
     let phase = Vector::from(phase);
-    let cells = [0, 1, 2].map(|k| (size[k] / cell + phase[k] - WHOLE).ceil().max(1.0));
+    let cells = [0, 1, 2].map(|k| {
+        let cells = (size[k] / cell + phase[k] - WHOLE).ceil().max(1.0);
+        let last = region.min[k] - phase[k] * cell + cells * cell;
+        if tight && last <= region.max[k] { cells + 1.0 } else { cells }
+    });
     if !cells.iter().all(|c| *c <= MAX_CELLS) {
         return Err(ExtractError::TooFine { size: size.max(), cell });
     }

@@ -9,6 +9,7 @@ use if_core::mesh::TriMesh;
 use if_core::parameter::ParameterError;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
+use std::convert::Infallible;
 
 /// Parameters of [`relax`].
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -60,17 +61,20 @@ pub fn relax<F: SignedDistance + ?Sized>(
     params: &RelaxParams,
 ) -> Result<TriMesh, ParameterError> {
     params.validate()?;
-    Ok(relax_within(mesh, &field, params, None))
+    let Ok(mesh) = relax_within(mesh, &field, params, None, |_| Ok::<_, Infallible>(()));
+    Ok(mesh)
 }
 
 /// The same, for a step from 0 to 1. A vertex that would leave `region` stays for that round, as
-/// next to jumps of a field Newton steps may end anywhere.
-pub(crate) fn relax_within(
+/// next to jumps of a field Newton steps may end anywhere. `evaluated` is told of the evaluations of each
+/// round, and may end it.
+pub(crate) fn relax_within<E>(
     mesh: &TriMesh,
     field: &dyn SignedDistance,
     params: &RelaxParams,
     region: Option<&Aabb>,
-) -> TriMesh {
+    mut evaluated: impl FnMut(usize) -> Result<(), E>,
+) -> Result<TriMesh, E> {
     let edges = Edges::new(mesh);
     let fans = VertexTriangles::new(mesh);
     let borders = border_neighbours(mesh, &edges);
@@ -91,6 +95,7 @@ pub(crate) fn relax_within(
             })
             .collect();
         field.samples(&moved, &mut samples);
+        evaluated(moved.len())?;
         moved.par_iter_mut().enumerate().for_each(|(v, p)| {
             if !matches!(borders[v], Border::Fixed) {
                 *p -= newton_step(&samples[v], 0.5 * longest_edge(&mesh, &fans, v));
@@ -104,7 +109,7 @@ pub(crate) fn relax_within(
             .with_vertices(moved)
             .expect("steps are bounded by the lengths of edges, which are finite");
     }
-    mesh
+    Ok(mesh)
 }
 
 /// Position of a vertex relative to the borders.
@@ -327,7 +332,14 @@ mod tests {
         let region = Aabb { min: Point::new(-2.0, -2.0, -2.0), max: Point::new(0.9, 2.0, 2.0) };
         // The zero of this field lies farther out, so that Newton steps lead there.
         let field = Sphere { radius: 1.1, ..BALL };
-        let after = relax_within(&before, &field, &RelaxParams::default(), Some(&region));
+        let (params, mut evaluations) = (RelaxParams::default(), Vec::new());
+        let Ok(after) = relax_within(&before, &field, &params, Some(&region), |n| {
+            evaluations.push(n);
+            Ok::<_, Infallible>(())
+        });
+        assert_eq!(evaluations, vec![before.vertices().len(); params.rounds]);
+        let ended = relax_within(&before, &field, &params, Some(&region), |_| Err("cancelled"));
+        assert_eq!(ended, Err("cancelled"));
         for (p, q) in before.vertices().iter().zip(after.vertices()) {
             assert!(region.contains(q) || p == q, "{p} went to {q}");
         }

@@ -21,7 +21,7 @@ use super::params::SurfaceParams;
 use super::quality::Residual;
 use super::report::SurfaceReport;
 use super::start::{Start, start};
-use super::surface::{check_input, read_frames, without_elsewhere};
+use super::surface::{BYTES_A_PIXEL, check_input, read_frames, without_elsewhere};
 use super::{progress, quality, refine};
 use crate::capture::Capture;
 use chain::{Chain, FrameTerms};
@@ -56,6 +56,8 @@ const FIRST_ROUNDS: usize = 2;
 /// The round before which loose clothes are looked for. Before, poses may be so far off that limbs
 /// lie beside the masks as skirts do.
 const LOOSE_ROUND: usize = 2;
+/// Bytes per pixel of a frame beside those of the surface: blurred normals, and labels.
+const BLURRED: u64 = 12 + 1;
 /// Of how many frames one is held out of the surface, to judge it.
 const HELD_OUT: usize = 6;
 /// Fewer frames are all needed.
@@ -98,7 +100,7 @@ pub fn refine_poses(
 ) -> Result<RefinedPoses, ReconstructError> {
     read.validate()?;
     params.validate()?;
-    check_input(capture, template, read)?;
+    check_input(capture, template, read, BYTES_A_PIXEL + BLURRED)?;
     let given: Vec<Pose> = (0..capture.len()).map(|k| capture.pose(k).clone()).collect();
     let numbers: Vec<u32> = (0..capture.len()).map(|k| capture.number(k)).collect();
     let chain = Chain::new(&given, &numbers, params);

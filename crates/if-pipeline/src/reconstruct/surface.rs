@@ -33,7 +33,7 @@ pub struct Surface {
 const TOGETHER: usize = 8;
 /// Bytes per pixel of a frame: distance and normal, and for the detection of loose clothes depth,
 /// marks and labels.
-const BYTES_A_PIXEL: u64 = 16 + 6;
+pub(super) const BYTES_A_PIXEL: u64 = 16 + 6;
 
 /// Fits the template body's surface to the masks and normals of a capture.
 ///
@@ -68,7 +68,7 @@ pub fn fit_surface(
     monitor: &mut dyn Monitor,
 ) -> Result<Surface, ReconstructError> {
     params.validate()?;
-    check_input(capture, template, params)?;
+    check_input(capture, template, params, BYTES_A_PIXEL)?;
     let mut report = SurfaceReport { frames: capture.len(), ..Default::default() };
     let frames = read_frames(capture, template, params, &mut report, monitor)?;
     let look = |mesh: &TriMesh,
@@ -137,11 +137,13 @@ pub fn fit_surface(
     Ok(Surface { mesh, skin: start.skin, report })
 }
 
-/// Checks that capture and template belong together, and that the images fit into memory.
+/// Checks that capture and template belong together, and that the images, of which `bytes_a_pixel` are
+/// kept, fit into memory.
 pub(super) fn check_input(
     capture: &Capture,
     template: &TemplateBody,
     params: &SurfaceParams,
+    bytes_a_pixel: u64,
 ) -> Result<(), ReconstructError> {
     capture.check_skeleton(&template.skeleton)?;
     if template.mesh.triangles().is_empty() {
@@ -149,7 +151,7 @@ pub(super) fn check_input(
     }
     template.skin.check(template.mesh.vertices().len(), template.skeleton.len())?;
     let (camera, frames) = (capture.camera(), capture.len());
-    let bytes = BYTES_A_PIXEL * camera.width() as u64 * camera.height() as u64 * frames as u64;
+    let bytes = bytes_a_pixel * camera.width() as u64 * camera.height() as u64 * frames as u64;
     if bytes > params.memory {
         return Err(ReconstructError::Memory { frames, bytes, limit: params.memory });
     }
