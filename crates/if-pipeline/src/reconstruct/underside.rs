@@ -7,7 +7,7 @@ use crate::capture::{Capture, SKIN};
 use if_body::skinning::blends;
 use if_body::{Skeleton, SkinWeights, TemplateBody};
 use if_core::edges::parts;
-use if_core::math::{Real, area_vector, unit_or_zero};
+use if_core::math::{Real, Vector, area_vector, unit_or_zero};
 use if_core::mesh::TriMesh;
 use if_mesh::labels::LabelVotes;
 use rayon::prelude::*;
@@ -23,9 +23,11 @@ const UNSEEN_SHARE: Real = 1.0 / 24.0;
 /// Least area of an unseen patch, in square metres: a square of 12 cm. Smaller ones are folds; the
 /// undersides of a dress and a skirt have 0.03 to 0.1.
 const LEAST: Real = 0.015;
-/// Least cosine between normal and line of sight for a frame to look at a vertex, and with the vertical for
-/// one that faces floor or ceiling.
-const FACING: Real = 0.5;
+/// Least cosine between a normal and the vertical for a vertex that faces floor or ceiling.
+const LYING: Real = 0.5;
+/// Least votes that frames would give a vertex if nothing hid it, as a multiple of those below which it
+/// counts as unseen. In a whole turn all have them that stand upright.
+const LOOKED_AT: Real = 2.0;
 /// Votes for skin at an unseen vertex: one frame.
 const VOTE: Real = 1.0;
 
@@ -34,8 +36,8 @@ const VOTE: Real = 1.0;
 /// worn below. The side that a person never turned to the camera is cloth all the same.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Underside {
-    /// Whether each vertex of the canonical mesh lies where clothes span a gap of the template, and a frame
-    /// looks at it, or it faces floor or ceiling.
+    /// Whether each vertex of the canonical mesh lies where clothes span a gap of the template, and frames
+    /// look at it, or it faces floor or ceiling.
     pub spanned: Vec<bool>,
     /// Votes below which a vertex counts as unseen.
     pub unseen: Real,
@@ -53,13 +55,12 @@ impl Underside {
             return Ok(None);
         }
         let near = carried_to(&template.mesh, &template.skin, mesh.vertices());
-        let looked_at = looked_at(capture, &template.skeleton, (mesh, skin))?;
-        let spanned =
-            near.iter().zip(looked_at).map(|((d, _), looked_at)| *d > SPANNED && looked_at);
-        Ok(Some(Self {
-            spanned: spanned.collect(),
-            unseen: UNSEEN.min(UNSEEN_SHARE * capture.len() as Real),
-        }))
+        let unseen = UNSEEN.min(UNSEEN_SHARE * capture.len() as Real);
+        let normals = mesh.vertex_normals();
+        let looks = looks(capture, &template.skeleton, (mesh, &normals), skin)?;
+        let is_looked_at = |v: usize| normals[v].y.abs() > LYING || looks[v] >= LOOKED_AT * unseen;
+        let spanned = near.iter().enumerate().map(|(v, (d, _))| *d > SPANNED && is_looked_at(v));
+        Ok(Some(Self { spanned: spanned.collect(), unseen }))
     }
 
     /// The votes, with one more for skin, which is no garment, at each vertex of an unseen spanned
@@ -73,28 +74,28 @@ impl Underside {
     }
 }
 
-/// For each vertex whether it faces floor or ceiling, or the camera in a frame, whatever lies between.
-fn looked_at(
+/// The votes that all frames would give each vertex if nothing hid it: squared cosines between its normal and
+/// the line of sight.
+fn looks(
     capture: &Capture,
     skeleton: &Skeleton,
-    (mesh, skin): (&TriMesh, &SkinWeights),
-) -> Result<Vec<bool>, ReconstructError> {
-    let (x, normals) = (mesh.vertices(), mesh.vertex_normals());
-    let mut looked_at: Vec<bool> = normals.iter().map(|n| n.y.abs() > FACING).collect();
+    (mesh, normals): (&TriMesh, &[Vector]),
+    skin: &SkinWeights,
+) -> Result<Vec<Real>, ReconstructError> {
+    let x = mesh.vertices();
+    let mut looks = vec![0.0; x.len()];
     let eye = capture.camera().center();
     for frame in 0..capture.len() {
         let transforms = skeleton
             .transforms(capture.pose(frame))
             .map_err(|source| ReconstructError::Pose { frame, source })?;
         let maps = blends(skin, &transforms);
-        looked_at.par_iter_mut().enumerate().filter(|(_, known)| !**known).for_each(
-            |(v, known)| {
-                let sight = unit_or_zero(&(eye - maps[v].point(&x[v])));
-                *known = maps[v].normal(&normals[v]).dot(&sight) > FACING;
-            },
-        );
+        looks.par_iter_mut().enumerate().for_each(|(v, looks)| {
+            let sight = unit_or_zero(&(eye - maps[v].point(&x[v])));
+            *looks += maps[v].normal(&normals[v]).dot(&sight).max(0.0).powi(2);
+        });
     }
-    Ok(looked_at)
+    Ok(looks)
 }
 
 /// The vertices for which `wanted` is true in patches of at least the least area, in ascending
