@@ -125,7 +125,9 @@ fn a_body_that_was_drawn_back_is_written_with_the_garments_of_its_file() {
     let run = "fix --body balls.gltf sheet.ply --set rounds=8 --pinch yield --out json";
     folder.ifg(run).expect(0);
     folder.ifg("check --strict --body json/balls_drawn_back.gltf json/sheet.ply").expect(0);
-    assert!(!folder.path("json/data").exists());
+    assert!(!folder.path("json/data/balls.bin").exists());
+    // Its images are copied with it.
+    assert_eq!(folder.read("json/data/wool red.png"), b"red");
 }
 
 #[test]
