@@ -297,3 +297,14 @@ fn the_fields_route_writes_the_networks_that_its_meshes_come_from() {
         assert!(stderr.contains("add --route fields"), "{stderr}");
     }
 }
+
+#[test]
+fn half_a_turn_leaves_a_skirt_whole() {
+    let folder = Folder::new();
+    folder.ifg("capture synth --out cap --garments skirt --frames 24 --size 96").expect(0);
+    edit(&folder, |meta| meta["frames"].as_array_mut().unwrap().truncate(12));
+    folder.ifg(&format!("reconstruct cap --body cap/body --out w {QUICK}")).expect(0);
+    // The side that no frame sees is no underside: it would be cut out, from hem to waist.
+    let report: Value = serde_json::from_slice(&folder.read("w/clothed/cap/report.json")).unwrap();
+    assert_eq!(report["garments"][0]["openings"], 2, "{}", report["garments"]);
+}
