@@ -87,7 +87,7 @@ impl Companions {
                 if let Some(first) = other.or(of_ours) {
                     if is_of_body {
                         missing.push(format!(
-                            "{of}: `{name}` is not copied: `{first}` has another one"
+                            "{of}: `{name}` is not copied, as its place is taken (`{first}`)"
                         ));
                         continue;
                     }

@@ -107,14 +107,26 @@ pub struct MeshSdf {
 }
 
 impl MeshSdf {
-    /// [`Self::closed`] of the mesh with its seams welded ([`weld`]): as exporters write closed bodies, with
-    /// vertices of their own on both sides of a seam.
+    /// [`Self::closed`] of a mesh that is closed, or closed once its seams are welded ([`weld`]): as exporters
+    /// write bodies, with vertices of their own on both sides of a seam.
     ///
     /// # Errors
     ///
     /// Those of [`Self::closed`].
     pub fn sewn(mesh: &TriMesh) -> Result<Self, SdfError> {
-        Self::closed(weld(mesh).as_ref().map_or(mesh, |welded| &welded.mesh))
+        let open = match Self::closed(mesh) {
+            Err(open @ SdfError::NotClosed { .. }) => open,
+            other => return other,
+        };
+        let Some(welded) = weld(mesh).filter(|welded| welded.edges > 0) else { return Err(open) };
+        Self::closed(&welded.mesh).map_err(|error| match error {
+            SdfError::NotClosed { edge, triangles, others } => {
+                let given = |v| welded.vertex_map.iter().position(|w| *w == v).map(|v| v as u32);
+                let edge = edge.map(|v| given(v).expect("welded vertices are of given ones"));
+                SdfError::NotClosed { edge, triangles, others }
+            }
+            other => other,
+        })
     }
 
     /// The field of a closed mesh that faces outwards, everywhere.

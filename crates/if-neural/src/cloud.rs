@@ -81,14 +81,14 @@ impl OrientedPoints {
             }
             unit.push(n);
         }
-        let (points, unit) = merged(points, unit);
-        if points.len() < NEIGHBOURS {
-            return Err(TargetError::TooFewPoints { got: points.len(), needed: NEIGHBOURS });
-        }
         let aabb = Aabb::from_points(&points);
         let size = aabb.diagonal();
         if !(size > 0.0 && size.is_finite()) {
             return Err(TargetError::NoExtent { aabb });
+        }
+        let (points, unit) = merged(points, unit);
+        if points.len() < NEIGHBOURS {
+            return Err(TargetError::TooFewPoints { got: points.len(), needed: NEIGHBOURS });
         }
         // By the divergence theorem this is three times the volume for points spread evenly over a
         // closed surface.

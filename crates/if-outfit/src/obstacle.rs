@@ -38,8 +38,8 @@ impl Obstacle {
     /// Whether the garments cannot be worn in this order, so that nothing is tried.
     ///
     /// In the test data the largest lift in an outfit that ends clean is 17 cm (a waistcoat under a
-    /// jacket, in an order that was drawn), and the smallest of a skirt under trousers 20 cm. A coat under jeans, 18 to 20 cm,
-    /// may be tried in vain.
+    /// jacket, in an order that was drawn), and the smallest of a skirt under trousers 20 cm. A coat under
+    /// jeans, 18 to 20 cm, may be tried in vain.
     pub fn is_hopeless(&self) -> bool {
         self.lift > HOPELESS
     }
