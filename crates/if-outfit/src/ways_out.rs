@@ -351,9 +351,9 @@ mod tests {
         assert_eq!(ways(&outfit, Reroute::Back), []);
         let sideways = ways(&outfit, Reroute::Sideways);
         assert!(sideways.len() > 30 && sideways.iter().all(|way| way.direction.x < -0.9));
-        // Along the nearest ways it takes 50 rounds.
+        // Along the nearest ways it takes 35 rounds.
         let mut params = ResolveParams::default();
-        params.effort.rounds = 40;
+        params.effort.rounds = 20;
         let resolved = resolve(&outfit, &params, &mut Silent).unwrap();
         assert!(resolved.report.is_proven());
         let layer = &resolved.report.layers[0];

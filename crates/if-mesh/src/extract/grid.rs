@@ -74,7 +74,7 @@ pub fn surface_of_grid<T: Copy + Into<Real> + Sync>(
     }
     let length = cell > 0.0 && cell.is_finite();
     ParameterError::check("cell", cell, length, "positive and finite (m)")?;
-    let far = [0, 1, 2].map(|k| min[k] + cell * Real::from(nodes[k].saturating_sub(1)));
+    let far = [0, 1, 2].map(|k| min[k] + cell * Real::from(nodes[k]));
     if !min.iter().chain(&far).all(|x| x.is_finite()) {
         return Err(GridError::Region { min, cell });
     }
