@@ -17,17 +17,22 @@ pub fn notes(outfit: &Outfit) -> Vec<String> {
     let layers: Vec<&Layer> = outfit.layers().collect();
     let notes = layers.into_par_iter().flat_map_iter(|layer| named(layer, of_mesh(layer)));
     let notes = notes.collect::<Vec<_>>();
-    of_orientation(outfit).into_iter().chain(of_places(outfit)).chain(notes).collect()
+    of_outfit(outfit).chain(notes).collect()
+}
+
+/// Notes on how the layers lie, whatever files they come from.
+pub(crate) fn of_outfit(outfit: &Outfit) -> impl Iterator<Item = String> + '_ {
+    of_orientation(outfit).into_iter().chain(of_places(outfit))
 }
 
 /// A note if the body does not stand along y.
-pub(crate) fn of_orientation(outfit: &Outfit) -> Option<String> {
+fn of_orientation(outfit: &Outfit) -> Option<String> {
     let body = &outfit.body;
     orientation_note(&body.mesh).map(|note| format!("`{}`: {note}", body.name))
 }
 
 /// A note for each garment that is not at the body.
-pub(crate) fn of_places(outfit: &Outfit) -> impl Iterator<Item = String> + '_ {
+fn of_places(outfit: &Outfit) -> impl Iterator<Item = String> + '_ {
     let body = outfit.body.mesh.surface_aabb();
     outfit.garments.iter().filter_map(move |garment| {
         let away = box_distance(&body, &garment.mesh.surface_aabb());

@@ -1,7 +1,7 @@
 //! What a person should know about the files of an outfit.
 
 use super::OutfitFiles;
-use crate::notes::{named, of_orientation, of_places};
+use crate::notes::{named, of_outfit};
 use crate::outfit::Layer;
 use if_mesh::file::{Content, MeshFile};
 use if_mesh::validate::{Fault, faults};
@@ -25,7 +25,7 @@ pub(super) fn of(files: &OutfitFiles) -> Vec<String> {
         named(layer, notes)
     });
     let notes: Vec<String> = notes.collect();
-    of_orientation(outfit).into_iter().chain(of_places(outfit)).chain(notes).collect()
+    of_outfit(outfit).chain(notes).collect()
 }
 
 fn of_file(file: &MeshFile) -> Vec<String> {

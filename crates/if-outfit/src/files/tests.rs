@@ -229,6 +229,17 @@ fn a_garment_from_memory_keeps_the_attributes_of_its_file_in_another_pose() {
 }
 
 #[test]
+fn a_garment_that_is_not_at_the_body_is_noted() {
+    let ball = icosphere(BALL, 2);
+    let beside = ball.vertices().iter().map(|p| Point::new(p.x + 2.5 * BALL, p.y, p.z)).collect();
+    let hat = ball.with_vertices(beside).unwrap();
+    let file = MeshFile::from_ply(PlyMesh::new(hat.clone()));
+    let outfit = Outfit::new(Layer::new("ball", ball), vec![Layer::new("hat", hat)]).unwrap();
+    let notes = OutfitFiles::from_memory(outfit, vec![file]).notes();
+    assert!(notes.iter().any(|n| n.starts_with("`hat`: 0.15 m from the body")), "{notes:?}");
+}
+
+#[test]
 fn errors_name_layer_file_and_cause() {
     let (folder, body) = scene(1.0);
     let at = |name: &str| folder.path().join(name);

@@ -134,15 +134,16 @@ impl Reconstruction {
     ///
     /// If it has another number of frames, or pictures of another size.
     pub fn corrected(&self, capture: &Capture) -> Result<Capture, CaptureError> {
-        let mut corrected = capture.clone();
-        if let Some(poses) = &self.poses {
-            corrected = corrected.with_poses(poses.clone())?;
+        match (&self.poses, &self.camera) {
+            (Some(poses), Some(camera)) => corrected(capture, poses, camera),
+            _ => Ok(capture.clone()),
         }
-        Ok(match &self.camera {
-            Some(camera) => corrected.with_camera(camera.clone()),
-            None => corrected,
-        })
     }
+}
+
+/// The capture with other poses and another camera.
+fn corrected(capture: &Capture, poses: &[Pose], camera: &Camera) -> Result<Capture, CaptureError> {
+    Ok(capture.with_poses(poses.to_vec())?.with_camera(camera.clone()))
 }
 
 /// Reconstructs a person in clothes and each garment from a capture.
@@ -182,10 +183,7 @@ pub fn reconstruct(
 
     let refined = refined_poses(capture, template, params, monitor)?;
     let corrected = match &refined {
-        Some(refined) => {
-            let posed = capture.with_poses(refined.poses.clone())?;
-            Some(posed.with_camera(refined.camera.clone()))
-        }
+        Some(refined) => Some(corrected(capture, &refined.poses, &refined.camera)?),
         None => None,
     };
     let capture = corrected.as_ref().unwrap_or(capture);
