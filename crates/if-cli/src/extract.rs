@@ -3,6 +3,7 @@
 use crate::cancel;
 use crate::end::End;
 use crate::errors::ErrorChain;
+use crate::not_kept;
 use crate::output_error::OutputError;
 use crate::print::{print, print_json};
 use crate::progress::Line;
@@ -214,17 +215,18 @@ pub(crate) fn run(args: &ExtractArgs) -> Result<End, Report> {
     }
     let files = target.commit()?;
     drop(line);
+    let warnings = found.report.warnings.iter().map(ToString::to_string);
+    let notes: Vec<String> = source.note().into_iter().chain(warnings).collect();
     if args.json {
         let (before, after) = looks;
-        let warnings: Vec<String> = found.report.warnings.iter().map(ToString::to_string).collect();
         // Paths need not be UTF-8, as JSON must.
         let files: Vec<String> = files.iter().map(|f| f.display().to_string()).collect();
         print_json(&json!({
             "field": args.field.display().to_string(), "files": files, "before": before, "after": after, "distance": apart,
-            "report": found.report, "notes": warnings,
+            "report": found.report, "notes": notes,
         }))?;
     } else {
-        print(&told(&files, &looks, apart.as_ref(), &found))?;
+        print(&told(&files, &looks, apart.as_ref(), &found, &notes))?;
     }
     Ok(End::Clean)
 }
@@ -283,6 +285,14 @@ impl Source {
         let coordinates =
             if file.is_single_precision() { CoordinateType::Float } else { CoordinateType::Double };
         Ok(Self::Mesh { mesh, field: Box::new(field), coordinates })
+    }
+
+    /// What a person should know about it.
+    fn note(&self) -> Option<String> {
+        match self {
+            Self::Mesh { field, .. } => not_kept::inner_parts(field),
+            Self::Network(_) => None,
+        }
     }
 
     fn mesh(&self) -> Option<&TriMesh> {
@@ -427,6 +437,7 @@ fn told(
     (before, after): &(Option<Looks>, Looks),
     apart: Option<&SurfaceDistance>,
     found: &Extraction,
+    notes: &[String],
 ) -> String {
     let report = &found.report;
     let count = table::count;
@@ -483,8 +494,8 @@ fn told(
     for fault in &after.faults {
         text += &format!("note: {fault}\n");
     }
-    for warning in &report.warnings {
-        text += &format!("note: {warning}\n");
+    for note in notes {
+        text += &format!("note: {note}\n");
     }
     let names: Vec<String> = files.iter().map(|f| f.display().to_string()).collect();
     text + &format!("wrote {}\n", names.join(", "))

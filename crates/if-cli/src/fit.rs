@@ -4,7 +4,8 @@ use crate::cancel;
 use crate::end::End;
 use crate::errors::{self, ErrorChain};
 use crate::load::reading_advice;
-use crate::print::{print, print_json};
+use crate::not_kept;
+use crate::print::{note_lines, print, print_json};
 use crate::progress::Line;
 use crate::table;
 use crate::target::{Input, Target};
@@ -360,9 +361,13 @@ fn say(
     seconds: f64,
 ) -> Result<End, Report> {
     let out = args.out.display().to_string();
+    let notes: Vec<String> = match taken {
+        MeshTarget::Field(field) => not_kept::inner_parts(field).into_iter().collect(),
+        MeshTarget::Points(_) => vec![],
+    };
     if args.json {
         print_json(
-            &json!({"out": out, "state": report.ended, "report": report, "seconds": seconds}),
+            &json!({"out": out, "state": report.ended, "report": report, "notes": notes, "seconds": seconds}),
         )?;
     } else {
         let (what, judge) = match taken {
@@ -376,6 +381,7 @@ fn say(
         let mut text = format!("{}: fitted to {what}\n\n", args.mesh.display());
         text += &errors_of(report);
         text += &format!("\nErrors are at {} {judge}.\n", report.error.points);
+        text += &note_lines(&notes);
         let (ended, steps) = (ended(report.ended), report.steps);
         text += &format!("{steps} steps, {ended}, {seconds:.1} s\nWrote {out}\n");
         print(&text)?;

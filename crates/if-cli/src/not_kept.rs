@@ -2,6 +2,7 @@
 
 use if_mesh::ply::PlyMesh;
 use if_mesh::polygons::Polygons;
+use if_mesh::sdf::MeshSdf;
 
 /// Notes on what is lost where only the vertices of a PLY file are kept.
 pub(crate) fn not_kept(ply: &PlyMesh) -> Vec<String> {
@@ -27,4 +28,13 @@ pub(crate) fn not_kept(ply: &PlyMesh) -> Vec<String> {
         ));
     }
     notes
+}
+
+/// A note on parts that the field of a mesh leaves out.
+pub(crate) fn inner_parts(field: &MeshSdf) -> Option<String> {
+    match field.inner_parts() {
+        0 => None,
+        1 => Some("a part that lies inside another one was left out".into()),
+        n => Some(format!("{n} parts that lie inside others were left out")),
+    }
 }

@@ -31,6 +31,7 @@ use miette::{Diagnostic, Report};
 use std::error::Error;
 use std::fs;
 use std::io;
+use std::num::NonZeroUsize;
 use std::ops::ControlFlow;
 use std::path::PathBuf;
 use std::time::Instant;
@@ -48,6 +49,9 @@ pub(crate) struct ReconstructArgs {
     /// clothed/CAPTURE in it. A run that was stopped goes on from its last round.
     #[arg(short, long, value_name = "WARDROBE")]
     pub(crate) out: PathBuf,
+    /// Use the first frame and each N-th after it. 24 to 50 frames of a turn are enough.
+    #[arg(long, value_name = "N", default_value = "1")]
+    pub(crate) every: NonZeroUsize,
     /// Put before each garment's name; by default the name of the capture's folder and an
     /// underscore.
     #[arg(long, value_name = "TEXT")]
@@ -194,6 +198,7 @@ pub(crate) fn run(args: &ReconstructArgs) -> Result<End, Report> {
         format!("cannot read capture `{}`", args.capture.display()),
         "captures are specified in docs/reference/capture.md",
     ))?;
+    let capture = capture.every(args.every);
     let template = TemplateBody::read(&args.body).map_err(fault(
         format!("cannot read template body `{}`", args.body.display()),
         "give a folder with body_clean.ply (or body.ply) and skeleton.json; see docs/reference/capture.md",

@@ -92,6 +92,7 @@ pub(crate) fn cleaned(report: &CleanupReport, colour: bool) -> String {
         if parts.is_empty() { "nothing to do".to_owned() } else { parts.join(", ") }
     };
     let manifold = told(&[
+        (report.seam_edges, "edges of seams closed meanwhile"),
         (d.duplicates, "doubled triangles dropped"),
         (d.collapsed + d.flipped, "flat triangles mended"),
         (d.dropped + m.dropped, "triangles dropped"),

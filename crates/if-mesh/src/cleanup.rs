@@ -12,6 +12,7 @@
 //! other property along.
 //!
 //! ```text
+//! close seams                            # until the end
 //! make manifold                          # degenerate triangles, non-manifold edges, bow-ties
 //! repeat
 //!     drop components below a share of the largest
@@ -48,6 +49,7 @@ mod patch;
 mod project;
 mod report;
 mod safe_move;
+mod seams;
 mod smooth;
 mod spatial_hash;
 
@@ -71,6 +73,7 @@ use edit_mesh::EditMesh;
 use if_core::field::SignedDistance;
 use if_core::mesh::TriMesh;
 use if_core::monitor::{Monitor, Progress};
+use seams::Seams;
 
 /// A clean mesh.
 #[derive(Clone, Debug, PartialEq)]
@@ -86,6 +89,10 @@ pub struct Cleaned {
 }
 
 /// Makes a garment manifold, removes isolated elements, fills holes and smooths the boundary.
+///
+/// Seams (boundary edges at the same positions, which [`weld`](crate::seams::weld) would close) are not
+/// boundaries: they are closed meanwhile, and open again in the result where vertices have properties.
+/// Without any, they stay closed.
 ///
 /// No step adds a self-intersection. `field` is the clothed body's φ, negative inside, if there is
 /// one: patches and smoothed boundaries lie on its zero set.
@@ -142,9 +149,15 @@ pub fn cleanup(
     }
     let mut work = EditMesh::new(mesh);
     monitor.report(&Progress::stage("manifold"))?;
-    let (before, (manifold, mut half_edges)) =
+    let (before, (mut manifold, mut half_edges)) =
         rayon::join(|| MeshSize::of(mesh), || manifold::make_manifold_in_place(&mut work));
-    let mut report = CleanupReport { before, manifold, ..CleanupReport::default() };
+    let seams = Seams::of(mesh, &work, &half_edges);
+    if let Some(seams) = &seams {
+        work = EditMesh::new(seams.closed());
+        (manifold, half_edges) = manifold::make_manifold_in_place(&mut work);
+    }
+    let seam_edges = seams.as_ref().map_or(0, Seams::edges);
+    let mut report = CleanupReport { before, manifold, seam_edges, ..CleanupReport::default() };
     let mut loops;
     loop {
         monitor.report(&Progress::stage("components"))?;
@@ -197,7 +210,10 @@ pub fn cleanup(
         )?;
         work.compact(); // tips of ears that were removed
     }
-    let derived = work.finish();
+    let derived = match &seams {
+        Some(seams) => seams.reopened(mesh, work.finish(), attributes),
+        None => work.finish(),
+    };
     let (after, attributes) =
         rayon::join(|| MeshSize::of(&derived.mesh), || attributes.derive(&derived.sources));
     report.after = after;

@@ -1,5 +1,6 @@
-//! Parts of closed meshes that are inside out.
+//! Parts of closed meshes that are inside out, or inside another part.
 
+use crate::body_surface::with_triangles;
 use crate::winding::Winding;
 use if_core::edges::parts;
 use if_core::math::{Real, area_vector};
@@ -23,12 +24,47 @@ pub struct InvertedPart {
 /// Sums over one part.
 #[derive(Clone, Copy)]
 struct Part {
+    /// One of its vertices, the same number for all of them.
+    root: u32,
     first: usize,
     triangles: usize,
     volume: Real,
     area: Real,
     /// The vertex that is farthest along x.
     tip: u32,
+}
+
+impl Part {
+    /// Whether it encloses more than rounding does between the two copies of a sheet.
+    fn has_volume(&self) -> bool {
+        self.volume.abs() > NO_VOLUME * self.area.powf(1.5)
+    }
+}
+
+/// The parts of `mesh` by their smallest vertices, and for each vertex the root of its part.
+fn survey(mesh: &TriMesh) -> (Vec<Part>, Vec<u32>) {
+    let part_of = parts(mesh);
+    let mut found: Vec<Option<Part>> = vec![None; mesh.vertices().len()];
+    for (t, corners) in mesh.triangles().iter().enumerate() {
+        let root = part_of[corners[0] as usize];
+        let part = found[root as usize].get_or_insert(Part {
+            root,
+            first: t,
+            triangles: 0,
+            volume: 0.0,
+            area: 0.0,
+            tip: corners[0],
+        });
+        // Volumes relative to a point of the part: far from the origin rounding would cancel them.
+        let from = mesh.vertices()[root as usize];
+        let [a, b, c] = mesh.corners(t);
+        part.triangles += 1;
+        part.volume += (a - from).dot(&(b - from).cross(&(c - from))) / 6.0;
+        part.area += 0.5 * area_vector(a, b, c).norm();
+        let x = |v: u32| mesh.vertices()[v as usize].x;
+        part.tip = corners.iter().fold(part.tip, |tip, v| if x(*v) > x(tip) { *v } else { tip });
+    }
+    (found.into_iter().flatten().collect(), part_of)
 }
 
 /// The first part of `mesh`, by its smallest vertex, that faces inwards and is not enclosed by
@@ -48,28 +84,8 @@ struct Part {
 /// # Ok::<(), if_core::mesh::MeshError>(())
 /// ```
 pub fn inverted_part(mesh: &TriMesh) -> Option<InvertedPart> {
-    let part_of = parts(mesh);
-    let mut found: Vec<Option<Part>> = vec![None; mesh.vertices().len()];
-    for (t, corners) in mesh.triangles().iter().enumerate() {
-        let root = part_of[corners[0] as usize] as usize;
-        let part = found[root].get_or_insert(Part {
-            first: t,
-            triangles: 0,
-            volume: 0.0,
-            area: 0.0,
-            tip: corners[0],
-        });
-        // Volumes relative to a point of the part: far from the origin rounding would cancel them.
-        let from = mesh.vertices()[root];
-        let [a, b, c] = mesh.corners(t);
-        part.triangles += 1;
-        part.volume += (a - from).dot(&(b - from).cross(&(c - from))) / 6.0;
-        part.area += 0.5 * area_vector(a, b, c).norm();
-        let x = |v: u32| mesh.vertices()[v as usize].x;
-        part.tip = corners.iter().fold(part.tip, |tip, v| if x(*v) > x(tip) { *v } else { tip });
-    }
-    let inwards = |p: &&Part| p.volume < -NO_VOLUME * p.area.powf(1.5);
-    let mut suspects = found.iter().flatten().filter(inwards).peekable();
+    let (parts, _) = survey(mesh);
+    let mut suspects = parts.iter().filter(|p| p.volume < 0.0 && p.has_volume()).peekable();
     suspects.peek()?;
     let winding = Winding::new(mesh);
     // At its outermost vertex a part fills at most a half space: its winding number there is -1/2
@@ -77,6 +93,38 @@ pub fn inverted_part(mesh: &TriMesh) -> Option<InvertedPart> {
     let enclosed = |p: &Part| winding.at(&mesh.vertices()[p.tip as usize]) > 0.25;
     let part = suspects.find(|p| !enclosed(p))?;
     Some(InvertedPart { triangle: part.first, triangles: part.triangles, volume: part.volume })
+}
+
+/// A closed, consistently wound mesh without the parts that face outwards and lie inside of others, as eyes
+/// in a head, and how many these are; `None` if there are none. Vertices keep their numbers.
+pub(crate) fn without_inner_parts(mesh: &TriMesh) -> Option<(TriMesh, usize)> {
+    let (parts, part_of) = survey(mesh);
+    if parts.len() < 2 {
+        return None;
+    }
+    let winding = Winding::new(mesh);
+    let outwards = parts.iter().filter(|p| p.volume > 0.0 && p.has_volume());
+    // What encloses a part adds 1 all over it to the winding number of the part itself: to 0 to 1/2
+    // at its outermost vertex, and to what is computed at the others.
+    let suspects = outwards.filter(|p| winding.at(&mesh.vertices()[p.tip as usize]) > 0.75);
+    let mut is_gone = vec![false; mesh.vertices().len()];
+    let mut count = 0;
+    for part in suspects {
+        let is_own = |t: &&[u32; 3]| part_of[t[0] as usize] == part.root;
+        let own: Vec<[u32; 3]> = mesh.triangles().iter().filter(is_own).copied().collect();
+        let alone = Winding::new(&with_triangles(mesh, own));
+        let places = (0..part_of.len()).filter(|v| part_of[*v] == part.root);
+        let mut others = places.map(|v| {
+            let p = &mesh.vertices()[v];
+            winding.at(p) - alone.at(p)
+        });
+        if others.all(|winding| winding > 0.75) {
+            is_gone[part.root as usize] = true;
+            count += 1;
+        }
+    }
+    let kept = mesh.triangles().iter().filter(|t| !is_gone[part_of[t[0] as usize] as usize]);
+    (count > 0).then(|| (with_triangles(mesh, kept.copied().collect()), count))
 }
 
 #[cfg(test)]
@@ -124,5 +172,21 @@ mod tests {
     fn a_folded_sheet_is_not_inside_out() {
         let v = [[0.0, 0.0, 0.0], [1.0, 0.1, 0.3], [0.2, 1.0, 0.7]].map(Point::from).to_vec();
         assert_eq!(inverted_part(&TriMesh::new(v, vec![[0, 1, 2], [0, 2, 1]]).unwrap()), None);
+    }
+
+    #[test]
+    fn parts_inside_others_are_left_out_and_what_stands_in_a_cavity_is_not() {
+        let each = icosphere(1.0, 2).triangles().len();
+        let left = |list: &[(Real, Real, bool)]| {
+            without_inner_parts(&balls(list)).map(|(mesh, n)| (mesh.triangles().len() / each, n))
+        };
+        let head = (0.0, 1.0, false);
+        assert_eq!(left(&[head]), None);
+        assert_eq!(left(&[head, (3.0, 1.0, false)]), None, "side by side");
+        assert_eq!(left(&[head, (0.95, 0.2, false)]), None, "overlapping");
+        assert_eq!(left(&[head, (0.1, 0.5, true), (0.1, 0.2, false)]), None, "a stone in a cavity");
+        assert_eq!(left(&[head, head]), None, "twice the same");
+        assert_eq!(left(&[head, (0.5, 0.2, false), (-0.5, 0.2, false)]), Some((1, 2)), "eyes");
+        assert_eq!(left(&[(0.5, 0.2, false), (0.5, 0.1, false), head]), Some((1, 2)), "pupils");
     }
 }

@@ -2,7 +2,7 @@
 //! pseudo-normal.
 
 use crate::index::Bvh;
-use crate::inverted::{InvertedPart, inverted_part};
+use crate::inverted::{InvertedPart, inverted_part, without_inner_parts};
 use crate::pseudo_normals::PseudoNormals;
 use crate::seams::weld;
 use if_core::aabb::Aabb;
@@ -104,22 +104,24 @@ pub struct MeshSdf {
     sideless: Option<[Vec<bool>; 2]>,
     reach: Real,
     touching: Real,
+    inner_parts: usize,
 }
 
 impl MeshSdf {
     /// [`Self::closed`] of a mesh that is closed, or closed once its seams are welded ([`weld`]): as exporters
-    /// write bodies, with vertices of their own on both sides of a seam.
+    /// write bodies, with vertices of their own on both sides of a seam. Parts that lie inside of others,
+    /// such as eyes in a head, are left out ([`Self::inner_parts`]): they would make cavities of it.
     ///
     /// # Errors
     ///
     /// Those of [`Self::closed`].
     pub fn sewn(mesh: &TriMesh) -> Result<Self, SdfError> {
-        let open = match Self::closed(mesh) {
+        let open = match Self::solid(mesh) {
             Err(open @ SdfError::NotClosed { .. }) => open,
             other => return other,
         };
         let Some(welded) = weld(mesh).filter(|welded| welded.edges > 0) else { return Err(open) };
-        Self::closed(&welded.mesh).map_err(|error| match error {
+        Self::solid(&welded.mesh).map_err(|error| match error {
             SdfError::NotClosed { edge, triangles, others } => {
                 let given = |v| welded.vertex_map.iter().position(|w| *w == v).map(|v| v as u32);
                 let edge = edge.map(|v| given(v).expect("welded vertices are of given ones"));
@@ -127,6 +129,13 @@ impl MeshSdf {
             }
             other => other,
         })
+    }
+
+    /// [`Self::closed`] without the parts that lie inside of others.
+    fn solid(mesh: &TriMesh) -> Result<Self, SdfError> {
+        let whole = Self::closed(mesh)?;
+        let Some((outer, inner_parts)) = without_inner_parts(mesh) else { return Ok(whole) };
+        Ok(Self { inner_parts, ..Self::closed(&outer)? })
     }
 
     /// The field of a closed mesh that faces outwards, everywhere.
@@ -197,6 +206,7 @@ impl MeshSdf {
             sideless,
             reach,
             touching,
+            inner_parts: 0,
         }
     }
 
@@ -230,6 +240,11 @@ impl MeshSdf {
                 vertices[self.triangles[c.triangle as usize][k as usize] as usize]
             }
         }
+    }
+
+    /// Number of parts that were left out because they lie inside of others ([`Self::sewn`]).
+    pub fn inner_parts(&self) -> usize {
+        self.inner_parts
     }
 
     /// The surface itself.

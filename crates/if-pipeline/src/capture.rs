@@ -22,6 +22,7 @@ use if_mesh::camera::Camera;
 use meta::Meta;
 use picture::Kind;
 use serde::{Deserialize, Serialize};
+use std::num::NonZeroUsize;
 use std::path::{Path, PathBuf};
 
 /// Label of the background.
@@ -268,6 +269,13 @@ impl Capture {
             known.1 = pose;
         }
         Ok(this)
+    }
+
+    /// The same capture with its first frame and each `n`-th after it, under their numbers: long videos
+    /// have more frames than a reconstruction gains by, or than memory holds.
+    pub fn every(&self, n: NonZeroUsize) -> Self {
+        let frames = self.frames.iter().step_by(n.get()).cloned().collect();
+        Self { frames, ..self.clone() }
     }
 
     /// The number in the file names of a frame.

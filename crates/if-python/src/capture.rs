@@ -8,6 +8,7 @@ use if_pipeline::capture::Capture;
 use if_pipeline::reconstruct::{self as stages, ReconstructParams, Reconstruction};
 use numpy::PyArray1;
 use pyo3::prelude::*;
+use std::num::NonZeroUsize;
 use std::path::PathBuf;
 
 /// A reconstruction for the Python part.
@@ -25,18 +26,19 @@ pub(crate) struct ReconstructionArrays<'py> {
 
 /// Reconstructs a clothed person and garments from the folder of a capture.
 #[pyfunction]
-#[pyo3(signature = (capture, body, cell, checkpoint, threads, progress))]
+#[pyo3(signature = (capture, body, cell, every, checkpoint, threads, progress))]
 pub(crate) fn reconstruct<'py>(
     py: Python<'py>,
     capture: PathBuf,
     body: PathBuf,
     cell: Option<f64>,
+    every: NonZeroUsize,
     checkpoint: Option<PathBuf>,
     threads: Option<usize>,
     progress: Option<Bound<'py, PyAny>>,
 ) -> PyResult<ReconstructionArrays<'py>> {
     let found = work::run(py, threads, progress.as_ref(), move |monitor| {
-        let capture = Capture::open(&capture).map_err(|e| chain(&e))?;
+        let capture = Capture::open(&capture).map_err(|e| chain(&e))?.every(every);
         let template = TemplateBody::read(&body).map_err(|e| chain(&e))?;
         check_upright(&template.mesh, Some(&template.skeleton))
             .map_err(|e| format!("{}: {e}", body.display()))?;

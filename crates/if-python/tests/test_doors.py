@@ -247,6 +247,11 @@ CASES = {
         TypeError,
         "cell is 'small'",
     ),
+    "no frame at all": (
+        lambda: ifgarments.reconstruct("file", "folder", every=0),
+        ValueError,
+        "every is 0",
+    ),
     "a capture at a number": (lambda: ifgarments.reconstruct(7, "b"), TypeError, "capture is 7"),
 }
 

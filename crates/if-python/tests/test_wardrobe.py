@@ -159,6 +159,9 @@ def test_a_garment_of_a_capture_is_reconstructed(tmp_path):
     assert list(found.garments) == ["tshirt"] and len(found.labels) == len(found.person[0])
     v, f = found.garments["tshirt"]
     assert len(v) > 100 and f.max() == len(v) - 1 and found.report["garments"]
+    assert found.report["surface"]["frames"] == 6
+    third = ifgarments.reconstruct(turn, turn / "body", cell=0.03, every=3)
+    assert third.report["surface"]["frames"] == 2
 
 
 COMBINATIONS = [

@@ -170,3 +170,36 @@ fn openings_that_are_missing_and_faces_that_are_left_out_are_named() {
     let note = "1 faces that name a vertex twice are left out, the first of them face 2";
     assert!(run.stdout.contains(note) && !run.stdout.contains("more than three"), "{}", run.stdout);
 }
+
+/// As exporters write a garment with texture coordinates: both sides of a seam have vertices of their own.
+#[test]
+fn texture_seams_are_no_boundary_and_keep_both_coordinates() {
+    let folder = Folder::new();
+    let tube = tube(0.1, 0.4, 40, 20, false);
+    let n = tube.vertices().len() as u32;
+    let halves = tube.triangles().iter();
+    let halves = halves.map(|t| if is_right_of(&tube, t) { t.map(|v| v + n) } else { *t });
+    let mesh = TriMesh::new([tube.vertices(), tube.vertices()].concat(), halves.collect()).unwrap();
+    let s = (0..2 * n).map(|v| if v < n { 0.25 } else { 0.75 }).collect();
+    let ply = PlyMesh {
+        vertex_properties: vec![Property::new("s", Column::F32(s))],
+        ..PlyMesh::new(mesh)
+    };
+    ply::write_path(&ply, ply.mesh.vertices(), &WriteParams::default(), &folder.path("seam.ply"))
+        .unwrap();
+    let run = folder.ifg("clean seam.ply --out clean.ply --no-pictures --json").expect(0);
+    let report = &run.json()["report"];
+    assert_eq!(report["holes"]["openings"].as_array().unwrap().len(), 2);
+    assert_eq!(report["seam_edges"], 40, "{report}");
+    let file = MeshFile::read(&folder.path("clean.ply")).unwrap();
+    let Content::Ply(clean) = file.content() else { panic!("a PLY file") };
+    let Column::F32(s) = &clean.vertex_property("s").unwrap().values else { panic!("as given") };
+    for t in clean.mesh.triangles() {
+        let right = if is_right_of(&clean.mesh, t) { 0.75 } else { 0.25 };
+        assert!(t.iter().all(|v| s[*v as usize] == right), "{t:?}");
+    }
+}
+
+fn is_right_of(mesh: &TriMesh, t: &[u32; 3]) -> bool {
+    t.iter().map(|v| mesh.vertices()[*v as usize].x).sum::<f64>() > 0.0
+}

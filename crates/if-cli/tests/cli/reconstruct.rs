@@ -80,6 +80,20 @@ fn what_is_wrong_is_said_before_anything_is_written() {
 }
 
 #[test]
+fn each_nth_frame_alone_is_used_under_its_number() {
+    let folder = Folder::new();
+    folder.ifg(CAPTURE).expect(0);
+    let run = folder.ifg(&format!(
+        "reconstruct cap --body cap/body --out w --every 2 --pose-noise 1,3 --json {QUICK}"
+    ));
+    assert_eq!(run.expect(0).json()["surface"]["frames"], 3);
+    let poses: Value = serde_json::from_slice(&folder.read("w/clothed/cap/poses.json")).unwrap();
+    let frames = poses["frames"].as_array().unwrap();
+    assert_eq!(frames.iter().map(|f| &f["index"]).collect::<Vec<_>>(), [0, 2, 4]);
+    folder.ifg("reconstruct cap --body cap/body --out w --every 0").expect(2);
+}
+
+#[test]
 fn captures_of_several_bodies_share_a_wardrobe_also_at_once() {
     let folder = Folder::new();
     folder.ifg(CAPTURE).expect(0);

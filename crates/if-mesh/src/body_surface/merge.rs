@@ -61,7 +61,7 @@ impl Merged {
 }
 
 /// The vertices of `mesh` with other triangles, whose corners are distinct.
-pub(super) fn with_triangles(mesh: &TriMesh, triangles: Vec<[u32; 3]>) -> TriMesh {
+pub(crate) fn with_triangles(mesh: &TriMesh, triangles: Vec<[u32; 3]>) -> TriMesh {
     TriMesh::new(mesh.vertices().to_vec(), triangles).expect("corners of a mesh, all distinct")
 }
 

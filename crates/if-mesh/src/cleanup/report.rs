@@ -11,6 +11,8 @@ use serde::Serialize;
 pub struct CleanupReport {
     /// Size before.
     pub before: MeshSize,
+    /// Edges of seams that were closed meanwhile.
+    pub seam_edges: usize,
     /// What made the mesh manifold.
     pub manifold: ManifoldReport,
     /// Parts kept and dropped.

@@ -34,7 +34,8 @@ impl Asset {
     ///
     /// # Errors
     ///
-    /// The file is missing, has changed, or is not a valid field.
+    /// The file is missing, has changed, or is not a valid field; without the feature `reconstruct` a network
+    /// and no grid.
     pub fn phi(&self) -> Result<Option<PhiField>, AssetError> {
         #[cfg(feature = "reconstruct")]
         if let (Some(bytes), Some(file)) = (self.network()?, &self.info.phi.network) {
@@ -46,6 +47,13 @@ impl Asset {
                 .map_err(|e| invalid(e.to_string()))?;
             let field = NeuralField::new(network, frame).map_err(|e| invalid(e.to_string()))?;
             return Ok(Some(PhiField::Network(Box::new(field))));
+        }
+        #[cfg(not(feature = "reconstruct"))]
+        if let (Some(file), None) = (&self.info.phi.network, &self.info.phi.baked) {
+            return Err(AssetError::Network {
+                path: self.folder.join(&file.file),
+                message: "networks need the feature `reconstruct` of if-pipeline".into(),
+            });
         }
         Ok(self.baked()?.map(|baked| PhiField::Baked(Box::new(baked))))
     }

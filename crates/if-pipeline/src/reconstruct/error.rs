@@ -53,7 +53,7 @@ pub enum ReconstructError {
     TemplateInside(#[source] SdfError),
     /// The images of the capture need too much memory.
     #[error(
-        "the images of {frames} frames need {bytes} bytes, {limit} are allowed; leave some out of `frames` in meta.json, make images smaller, or allow more (`memory`)"
+        "the images of {frames} frames need {bytes} bytes, {limit} are allowed; use each second or third of them (`every`), make images smaller, or allow more (`memory`)"
     )]
     Memory { frames: usize, bytes: u64, limit: u64 },
     /// No frame is usable.

@@ -112,7 +112,9 @@ pub fn fit_motion(
         let modes = Modes::new(&numbers, &params.prior(spread(&steps)));
         let joint =
             Joint { edges: &edges, neighbours: &neighbours, modes: &modes, seen, so_far: &steps };
-        let further = joint.solve().ok_or(ReconstructError::MotionDiverged { round })?;
+        let measure = Some(("silhouette_mm", silhouette_mm));
+        let mut watch = || progress::report(monitor, "motion", ((round + 1) * n, total), measure);
+        let further = joint.solve(&mut watch)?.ok_or(ReconstructError::MotionDiverged { round })?;
         let longest = params.longest_step;
         let mut squares = 0.0;
         for (s, f) in steps.iter_mut().flatten().zip(further.iter().flatten()) {

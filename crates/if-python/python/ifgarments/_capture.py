@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import _ifgarments as _native
-from ._arguments import Progress, checked_threads, folder, length, listener
+from ._arguments import Progress, checked_threads, folder, length, listener, whole
 from ._outfits import Arrays
 
 
@@ -35,6 +35,7 @@ def reconstruct(
     body: str | os.PathLike[str],
     *,
     cell: float | None = None,
+    every: int = 1,
     checkpoint: str | os.PathLike[str] | None = None,
     threads: int | None = None,
     progress: Callable[[Progress], object] | None = None,
@@ -45,6 +46,7 @@ def reconstruct(
         capture: the folder, as ``docs/reference/capture.md`` specifies it.
         body: the folder of the template body.
         cell: cell size of the extraction, in metres; 8 mm by default.
+        every: use the first frame and each so many-th after it.
         checkpoint: a file in which a stopped run goes on.
         threads: as in :func:`resolve`.
         progress: as in :func:`resolve`.
@@ -60,6 +62,7 @@ def reconstruct(
         folder(capture, "capture"),
         folder(body, "body"),
         None if cell is None else length(cell, "cell"),
+        whole(every, "every", 1, 2**31),
         None if checkpoint is None else folder(checkpoint, "checkpoint"),
         checked_threads(threads),
         listener(progress),

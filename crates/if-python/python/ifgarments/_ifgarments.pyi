@@ -51,6 +51,7 @@ def reconstruct(
     capture: str,
     body: str,
     cell: float | None,
+    every: int,
     checkpoint: str | None,
     threads: int | None,
     progress: ProgressCallback | None,

@@ -13,6 +13,7 @@
 use crate::reconstruct::refine::{Observed, add_bending};
 use if_core::edges::Edges;
 use if_core::math::Real;
+use if_core::monitor::Cancelled;
 use if_core::rows::Rows;
 use if_sparse::{Cholesky, Mat};
 use nalgebra::DMatrix;
@@ -132,10 +133,14 @@ pub(super) struct Joint<'a> {
 }
 
 impl Joint<'_> {
-    /// The further step of each vertex in each frame; `None` if there is no finite one.
-    pub(super) fn solve(&self) -> Option<Vec<Vec<Real>>> {
+    /// The further step of each vertex in each frame; `None` if there is no finite one. `watch` is called
+    /// in each iteration, and can end them.
+    pub(super) fn solve(
+        &self,
+        watch: &mut dyn FnMut() -> Result<(), Cancelled>,
+    ) -> Result<Option<Vec<Vec<Real>>>, Cancelled> {
         let size = self.neighbours.len();
-        let blocks = self.preconditioner()?;
+        let Some(blocks) = self.preconditioner() else { return Ok(None) };
         // The gradient at no further step. The mean surface has no memory of earlier rounds.
         let mut before = self.modes.modes(self.so_far);
         if let Some(mean) = before.first_mut() {
@@ -158,10 +163,11 @@ impl Joint<'_> {
         let enough = rz * ACCURATE * ACCURATE;
         let mut iterations = 0;
         while rz > enough && iterations < ITERATIONS {
+            watch()?;
             let ap = self.apply(&p);
             let pap = dot(&p, &ap);
             if !(pap > 0.0 && pap.is_finite()) {
-                return None;
+                return Ok(None);
             }
             let alpha = rz / pap;
             add(&mut x, alpha, &p);
@@ -175,7 +181,7 @@ impl Joint<'_> {
             rz = next;
             iterations += 1;
         }
-        x.iter().flatten().all(|x| x.is_finite()).then_some(x)
+        Ok(x.iter().flatten().all(|x| x.is_finite()).then_some(x))
     }
 
     /// The matrix times `s`.
@@ -318,7 +324,9 @@ mod tests {
             .collect();
         let joint =
             Joint { edges: &edges, neighbours: &neighbours, modes: &modes, seen, so_far: &before };
-        let step = joint.solve().unwrap();
+        let stopped = joint.solve(&mut || Err(Cancelled));
+        assert_eq!(stopped, Err(Cancelled), "at its first iteration");
+        let step = joint.solve(&mut || Ok(())).unwrap().unwrap();
 
         // The energy, written out term by term.
         let bent = |s: &[Real]| -> Real {
@@ -403,7 +411,7 @@ mod tests {
         let before = vec![vec![0.0; n]; 6];
         let joint =
             Joint { edges: &edges, neighbours: &neighbours, modes: &modes, seen, so_far: &before };
-        for s in joint.solve().unwrap().iter().flatten() {
+        for s in joint.solve(&mut || Ok(())).unwrap().unwrap().iter().flatten() {
             approx::assert_relative_eq!(*s, 0.01, epsilon = 1e-4);
         }
     }
