@@ -97,9 +97,10 @@ pub struct Cleaned {
 /// No step adds a self-intersection. `field` is the clothed body's φ, negative inside, if there is
 /// one: patches and smoothed boundaries lie on its zero set.
 ///
-/// A second call changes nothing, with three exceptions: holes that were left may be filled; a loop
+/// A second call changes nothing, with four exceptions: holes that were left may be filled; a loop
 /// that counted as an opening by shape beside a large hole may count as a hole once that is filled;
-/// and loops where vertices were held back ([`SmoothReport`]) may be smoothed further.
+/// of three sheets with vertices of their own that met in an edge, two may be left, whose seam is closed
+/// then; and loops where vertices were held back ([`SmoothReport`]) may be smoothed further.
 ///
 /// The monitor receives the stages `manifold`, `components`, `holes` and `boundary`, and further
 /// reports within a stage: before each attempt at patches, each round of moves and each pass over

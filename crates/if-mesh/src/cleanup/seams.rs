@@ -148,7 +148,7 @@ mod tests {
         let hole = whole.triangles()[600..604].as_flattened().iter();
         let middle =
             hole.map(|v| whole.vertices()[*v as usize].coords).sum::<if_core::math::Vector>();
-        let turned = |p: &Point| p.x * middle.y - p.y * middle.x;
+        let turned = |p: &Point| p.x * middle.z - p.z * middle.x; // about the axis, y
         let is_right = |t: &[u32; 3]| {
             t.iter().map(|v| turned(&whole.vertices()[*v as usize])).sum::<f64>() > 0.0
         };
