@@ -72,6 +72,9 @@ pub enum SkinError {
 const SUM: f32 = 0.03;
 
 impl SkinWeights {
+    /// Most joints that vertices can follow.
+    pub const MAX_JOINTS: usize = u16::MAX as usize + 1;
+
     /// Validates and normalises the joints and weights of each vertex, for a skeleton of `count`
     /// joints.
     ///

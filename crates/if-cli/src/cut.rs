@@ -12,14 +12,16 @@ use crate::table::count;
 use crate::target::is_same;
 use crate::values::{label_name, length};
 use clap::Args;
-use if_core::edges::{Edges, part_count};
+use if_core::edges::{Edges, NONE, part_count};
 use if_core::mesh::TriMesh;
 use if_core::monitor::Progress;
 use if_mesh::attributes::{AttributeError, Source, VertexAttributes};
 use if_mesh::labels::{
-    CutParams, LabelError, LabelVotes, Piece, SmoothLabelParams, UNDECIDED, cut, smooth_labels,
+    CutParams, LabelError, LabelScores, LabelVotes, Piece, SmoothLabelParams, UNDECIDED, cut,
+    smooth_labels,
 };
 use if_mesh::ply::{self, Column, PlyMesh, Property, WriteParams};
+use if_mesh::seams::{Welded, weld};
 use if_render::{PALETTE, RenderLayer, View, side_by_side};
 use miette::{Diagnostic, Report};
 use serde::Serialize;
@@ -198,14 +200,22 @@ pub(crate) fn run(args: &CutArgs) -> Result<End, Report> {
     }
     line.message("smoothing");
     let Dense { present, places } = Dense::new(&given);
+    // Seams of exporters are no boundary of labels: both sides have the same scores.
+    let welded = weld(&ply.mesh);
     let votes = LabelVotes::from_labels(&places, present.len());
+    let joined = welded.as_ref().map(|welded| (&welded.mesh, joined(&votes, welded)));
+    let (mesh, joined) = joined.as_ref().map_or((&ply.mesh, &votes), |(mesh, votes)| (mesh, votes));
     let params = SmoothLabelParams { length: args.smooth, ..SmoothLabelParams::default() };
     let monitor = &mut |_: &Progress<'_>| {
         if cancel::is_requested() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
     };
-    let scores = match smooth_labels(&ply.mesh, &votes, &params, monitor) {
+    let scores = match smooth_labels(mesh, joined, &params, monitor) {
         Err(LabelError::Cancelled(_)) => return Ok(cancelled(args, line)),
         other => other.map_err(|source| CutFault::Smooth { source: of_label(source, &present) })?,
+    };
+    let scores = match &welded {
+        Some(welded) => spread(&scores, &votes, welded),
+        None => scores,
     };
     line.message("cutting");
     let mut pieces = cut(&ply.mesh, &scores, &CutParams::default())
@@ -282,6 +292,27 @@ pub(crate) fn run(args: &CutArgs) -> Result<End, Report> {
         print(&text)?;
     }
     Ok(End::Clean)
+}
+
+/// The votes for the vertices of the welded mesh: sums of those at each.
+fn joined(votes: &LabelVotes, welded: &Welded) -> LabelVotes {
+    let labels = votes.labels;
+    let mut weights = vec![0.0; welded.mesh.vertices().len() * labels];
+    for (v, at) in welded.vertex_map.iter().enumerate().filter(|(_, at)| **at != NONE) {
+        let sums = weights[*at as usize * labels..].iter_mut();
+        sums.zip(votes.of(v)).for_each(|(sum, vote)| *sum += vote);
+    }
+    LabelVotes { labels, weights }
+}
+
+/// The scores of all vertices, from those of the welded mesh; of vertices without triangles the votes.
+fn spread(scores: &LabelScores, votes: &LabelVotes, welded: &Welded) -> LabelScores {
+    let of = |(v, at): (usize, &u32)| match *at {
+        NONE => votes.of(v),
+        at => scores.of(at as usize),
+    };
+    let all = welded.vertex_map.iter().enumerate().flat_map(of).copied().collect();
+    LabelScores { labels: scores.labels, scores: all }
 }
 
 fn cancelled(args: &CutArgs, line: Line) -> End {

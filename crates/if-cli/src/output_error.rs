@@ -46,6 +46,12 @@ pub(crate) enum OutputError {
         /// Whether the command has --in-place.
         option: bool,
     },
+    #[error("folder `{}` would be replaced, and input `{input}` is in it", path.display())]
+    #[diagnostic(
+        code(ifg::output::over_input),
+        help("move it to another place, or give another name")
+    )]
+    AroundInput { path: PathBuf, input: String },
     #[error("output `{}` is an input of outfit `{outfit}` of the same batch", path.display())]
     #[diagnostic(code(ifg::output::over_input), help("give --out another place"))]
     OverOther { path: PathBuf, outfit: String },

@@ -26,14 +26,14 @@ use if_pipeline::reconstruct::{
     ReconstructError, ReconstructParams, Reconstruction, fields_checkpoint, reconstruct,
     write_frames,
 };
-use if_pipeline::wardrobe::{NewBody, Wardrobe, WardrobeError};
+use if_pipeline::wardrobe::{NewBody, Part, Wardrobe, WardrobeError};
 use miette::{Diagnostic, Report};
 use std::error::Error;
 use std::fs;
 use std::io;
 use std::num::NonZeroUsize;
 use std::ops::ControlFlow;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::time::Instant;
 use summary::{summary, warnings};
 
@@ -166,9 +166,11 @@ fn small_bake() -> BakeParams {
     BakeParams { accuracy: 2e-3, reach: 0.01, band: 0.03, ..BakeParams::default() }
 }
 
-/// Whether something was made of another capture: neither its path nor its content is this one's.
+/// Whether something was made of another capture: another path, unless that is gone and this one has its
+/// content. (Captures of one person in other clothes may differ in their pictures alone.)
 fn is_of_another(made: &Provenance, this: &Provenance) -> bool {
-    made.source != this.source && made.sha256 != this.sha256
+    let is_moved = || made.sha256 == this.sha256 && !Path::new(&made.source).exists();
+    made.source != this.source && !is_moved()
 }
 
 /// What garments are made of.
@@ -221,6 +223,11 @@ pub(crate) fn run(args: &ReconstructArgs) -> Result<End, Report> {
     let made_of = provenance(args);
     refuse_taken_names(args, (&wardrobe, &made_of), &name, &names)?;
     drop(wardrobe);
+    let paths = BodyPaths::of(&args.body);
+    Wardrobe::check_body(&paths.body()).map_err(fault(
+        format!("template body `{}` cannot be added to a wardrobe", args.body.display()),
+        "look at its files; docs/reference/capture.md specifies them",
+    ))?;
     let state = args.out.join(format!(".{name}.{STATE}"));
     let start = Instant::now();
     let mut pace = Pace::new();
@@ -251,10 +258,14 @@ pub(crate) fn run(args: &ReconstructArgs) -> Result<End, Report> {
     };
     let network = network.transpose().map_err(fault(writing("φ"), ROOM))?;
     let finished = (&capture, &found, &made_of);
-    let written = write_assets(args, &names, finished, network.as_deref());
+    // Another process may have written there meanwhile.
+    let wardrobe = Wardrobe::open(&args.out).map_err(fault(writing("assets"), ROOM))?;
+    refuse_taken_names(args, (&wardrobe, &made_of), &name, &names)?;
+    let written = write_assets((wardrobe, &paths.body()), &names, finished, network.as_deref());
     let earlier = written.map_err(|error| match error {
         WardrobeError::Busy { path } => Report::from(OutputError::Busy { path }),
-        error => fault(writing("assets"), ROOM)(error).into(),
+        error if error.kind() == "io" => fault(writing("assets"), ROOM)(error).into(),
+        error => fault(writing("assets"), "look at what is named")(error).into(),
     })?;
     let clothed = args.out.join(CLOTHED);
     let writer = FolderWriter::wait(&clothed, PATIENCE)
@@ -345,14 +356,28 @@ fn refuse_taken_names(
         let what = format!("a garment `{garment}`");
         return taken(what, &info.provenance, "give --prefix a text of its own");
     }
-    let clothed = fs::read(args.out.join(CLOTHED).join(name).join(PROVENANCE)).ok();
+    let folder = args.out.join(CLOTHED).join(name);
+    let clothed = fs::read(folder.join(PROVENANCE)).ok();
     let clothed = clothed.and_then(|bytes| serde_json::from_slice::<Provenance>(&bytes).ok());
-    match clothed.filter(is_other) {
-        None => Ok(()),
-        Some(made) => {
+    let unknown = |path: PathBuf| {
+        let context = format!("`{}` cannot be added", args.capture.display());
+        let found = io::Error::other(format!("`{}` is in the way", path.display()));
+        Err(fault(context, "it is none of a reconstruction, or cannot be read: move it away")(
+            found,
+        ))
+    };
+    match clothed {
+        Some(made) if is_other(&made) => {
             let what = format!("a clothed person `{name}`");
-            taken(what, &made, "give the folder of the capture another name")
+            return taken(what, &made, "give the folder of the capture another name");
         }
+        None if fs::symlink_metadata(&folder).is_ok() => return unknown(folder),
+        _ => {}
+    }
+    let mut unreadable = wardrobe.faults().iter().filter(|f| f.part == Part::Garment);
+    match unreadable.find(|f| names.contains(&f.name)) {
+        Some(fault) => unknown(args.out.join("garments").join(&fault.name)),
+        None => Ok(()),
     }
 }
 
@@ -430,25 +455,43 @@ fn described(progress: &Progress, seconds_left: Option<f64>) -> String {
 /// What a reconstruction is made of, it, and its provenance.
 type Finished<'a> = (&'a Capture, &'a Reconstruction, &'a Provenance);
 
+/// The files of a template body that a wardrobe takes.
+struct BodyPaths {
+    name: String,
+    mesh: PathBuf,
+    template: Option<PathBuf>,
+    skeleton: Option<PathBuf>,
+}
+
+impl BodyPaths {
+    fn of(folder: &Path) -> Self {
+        let file = |name: &str| Some(folder.join(name)).filter(|p| p.is_file());
+        Self {
+            name: names::last_name(folder, "body"),
+            mesh: file("body_clean.ply").unwrap_or_else(|| folder.join("body.ply")),
+            template: file("body.ply"),
+            skeleton: file("skeleton.json"),
+        }
+    }
+
+    fn body(&self) -> NewBody<'_> {
+        NewBody {
+            template: self.template.as_deref(),
+            skeleton: self.skeleton.as_deref(),
+            ..NewBody::new(&self.name, &self.mesh)
+        }
+    }
+}
+
 /// The body and the garments, into the wardrobe. Returns the names of garments that stay from an earlier
 /// reconstruction.
 fn write_assets(
-    args: &ReconstructArgs,
+    (mut wardrobe, body): (Wardrobe, &NewBody),
     names: &[String],
     (capture, found, provenance): Finished<'_>,
     network: Option<&[u8]>,
 ) -> Result<Vec<String>, WardrobeError> {
-    let mut wardrobe = Wardrobe::open(&args.out)?;
-    let file = |name: &str| Some(args.body.join(name)).filter(|p| p.is_file());
-    let mesh = file("body_clean.ply").unwrap_or_else(|| args.body.join("body.ply"));
-    let (template, skeleton) = (file("body.ply"), file("skeleton.json"));
-    let name = names::last_name(&args.body, "body");
-    let new = NewBody {
-        template: template.as_deref(),
-        skeleton: skeleton.as_deref(),
-        ..NewBody::new(&name, &mesh)
-    };
-    let body = wardrobe.add_body_once(&new)?;
+    let body = wardrobe.add_body_once(body)?;
     let mut made = vec![false; names.len()];
     for garment in &found.garments {
         let k = capture

@@ -47,6 +47,7 @@ pub mod camera;
 pub mod cleanup;
 pub mod extract;
 pub mod file;
+mod float_of_c;
 pub mod gltf;
 pub mod grid;
 pub mod index;

@@ -123,8 +123,8 @@ impl MeshSdf {
         let Some(welded) = weld(mesh).filter(|welded| welded.edges > 0) else { return Err(open) };
         Self::solid(&welded.mesh).map_err(|error| match error {
             SdfError::NotClosed { edge, triangles, others } => {
-                let given = |v| welded.vertex_map.iter().position(|w| *w == v).map(|v| v as u32);
-                let edge = edge.map(|v| given(v).expect("welded vertices are of given ones"));
+                let given = welded.first_of();
+                let edge = edge.map(|v| given[v as usize]);
                 SdfError::NotClosed { edge, triangles, others }
             }
             other => other,

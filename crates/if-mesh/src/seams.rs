@@ -21,6 +21,15 @@ pub struct Welded {
 }
 
 impl Welded {
+    /// For each vertex of `mesh` the first original one.
+    pub fn first_of(&self) -> Vec<u32> {
+        let mut first = vec![NONE; self.mesh.vertices().len()];
+        for (v, at) in self.vertex_map.iter().enumerate().rev().filter(|(_, at)| **at != NONE) {
+            first[*at as usize] = v as u32;
+        }
+        first
+    }
+
     /// Positions of the original vertices, from those of `mesh`; unused vertices keep their `original`
     /// ones.
     ///

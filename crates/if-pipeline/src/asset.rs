@@ -23,6 +23,7 @@ pub use beside::Beside;
 pub(crate) use class::is_wearable;
 pub use class::{GarmentClass, LayerHint};
 pub use error::AssetError;
+pub(crate) use info::files;
 pub use info::{AssetInfo, BodyRef, FileInfo, Opening, Phi, Provenance};
 pub use phi::PhiField;
 
@@ -39,14 +40,11 @@ use std::path::{Path, PathBuf};
 /// The version of the format that is written.
 const FORMAT: u32 = 1;
 /// The file of the metadata.
-const INFO: &str = "asset.json";
+pub(crate) const INFO: &str = "asset.json";
 const GARMENT: &str = "garment.ply";
 const NETWORK: &str = "phi.safetensors";
 const BAKED: &str = "phi.baked";
 const THUMBNAIL: &str = "thumbnail.png";
-/// Largest number of joints: PLY files store their indices as bytes. The skeleton belongs to the
-/// body.
-const JOINTS: usize = 256;
 
 /// A garment, read from its folder.
 #[derive(Clone, Debug)]
@@ -174,7 +172,8 @@ pub fn read(folder: &Path) -> Result<Asset, AssetError> {
     }
     let skin = match info.skinned {
         true => Some(
-            SkinWeights::from_ply(&ply, JOINTS)
+            // The skeleton belongs to the body.
+            SkinWeights::from_ply(&ply, SkinWeights::MAX_JOINTS)
                 .map_err(|source| AssetError::Skin { path: path(), source })?,
         ),
         false => None,

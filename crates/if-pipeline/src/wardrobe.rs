@@ -30,6 +30,7 @@ use body::BodyFiles;
 use if_mesh::atomic::{self, FolderWriter, PATIENCE};
 use if_outfit::outfit::check_garment;
 use std::collections::BTreeMap;
+use std::fs;
 use std::path::{Path, PathBuf};
 
 const BODIES: &str = "bodies";
@@ -120,8 +121,8 @@ impl Wardrobe {
     ///
     /// # Errors
     ///
-    /// The name is invalid, a file is missing or invalid, the body does not stand along y, or another
-    /// process writes there for too long.
+    /// The name is invalid, a file is missing or invalid, the body does not stand along y, a folder of
+    /// this name is there and is no body, or another process writes there for too long.
     pub fn add_body(&mut self, new: &NewBody) -> Result<BodyRef, WardrobeError> {
         let writer = self.writer(BODIES)?;
         self.put_body(&writer, new.name, &BodyFiles::read(new)?)
@@ -163,6 +164,7 @@ impl Wardrobe {
         files: &BodyFiles,
     ) -> Result<BodyRef, WardrobeError> {
         asset::check_name(name)?;
+        own_or_free(&self.root.join(BODIES).join(name), body::INFO)?;
         let info = body::write(writer, name, files)?;
         let found = info.reference();
         self.faults.retain(|f| (f.part, f.name.as_str()) != (Part::Body, name));
@@ -170,11 +172,21 @@ impl Wardrobe {
         Ok(found)
     }
 
+    /// Checks that a body can be added, without adding it: what [`Wardrobe::add_body_once`] finds at fault.
+    ///
+    /// # Errors
+    ///
+    /// As [`Wardrobe::add_body`].
+    pub fn check_body(new: &NewBody) -> Result<(), WardrobeError> {
+        asset::check_name(new.name)?;
+        body::check(new.name, &BodyFiles::read(new)?)
+    }
+
     /// Adds a garment, or replaces the one of this name.
     ///
     /// # Errors
     ///
-    /// The wardrobe does not have the body, the garment is too large or too far from it
+    /// The wardrobe does not have the body, a folder of this name is there and is no garment, the garment is too large or too far from it
     /// ([`if_outfit::outfit::Outfit::new`]), the errors of [`asset::write()`], or another process
     /// writes there for too long.
     pub fn add(&mut self, parts: &Parts) -> Result<&AssetInfo, WardrobeError> {
@@ -183,6 +195,8 @@ impl Wardrobe {
             let body = body::read_box(&self.root.join(BODIES), body)?;
             check_garment(&body, parts.name, parts.mesh).map_err(WardrobeError::Misfit)?;
         }
+        asset::check_name(parts.name)?;
+        own_or_free(&self.root.join(GARMENTS).join(parts.name), asset::INFO)?;
         let info = asset::write(&self.writer(GARMENTS)?, parts)?;
         self.faults.retain(|f| (f.part, f.name.as_str()) != (Part::Garment, parts.name));
         self.garments.insert(parts.name.to_owned(), info);
@@ -309,14 +323,24 @@ impl Wardrobe {
         let folder = self.root.join(GARMENTS).join(name);
         let asset = asset::read(&folder)?;
         // Keys are hashes of the known metadata; another process may have replaced the folder.
-        if (&asset.info.garment, &asset.info.body) != (&known.garment, &known.body) {
-            let path = folder.join(&known.garment.file);
-            let (stated, found) =
-                (known.garment.content.sha256.clone(), asset.info.garment.content.sha256);
-            return Err(AssetError::Changed { path, stated, found }.into());
+        let body = |info: &AssetInfo| info.body.sha256.clone();
+        let mut files: Vec<_> =
+            asset::files(known).into_iter().zip(asset::files(&asset.info)).collect();
+        files.push(((asset::INFO, body(known)), (asset::INFO, body(&asset.info))));
+        if let Some(((file, stated), (_, found))) = files.into_iter().find(|(a, b)| a != b) {
+            return Err(AssetError::Changed { path: folder.join(file), stated, found }.into());
         }
         Ok(asset)
     }
+}
+
+/// Checks that a folder is free, or one that a wardrobe has written: another one is the user's own.
+fn own_or_free(folder: &Path, info: &str) -> Result<(), WardrobeError> {
+    if fs::symlink_metadata(folder).is_err() || folder.join(info).is_file() {
+        return Ok(());
+    }
+    let what = "it is no body or garment of a wardrobe, and would be replaced";
+    Err(WardrobeError::InTheWay { path: folder.into(), what })
 }
 
 #[cfg(test)]

@@ -16,6 +16,7 @@ use if_core::math::{Point, Real, Vector, area_vector, unit_or_zero};
 use if_core::mesh::TriMesh;
 use if_core::rows::Rows;
 use if_mesh::index::Bvh;
+use if_mesh::seams::weld;
 use rayon::prelude::*;
 
 /// Rounds of diffusion, one entry for each search of nearest points.
@@ -41,8 +42,15 @@ impl Registered {
     }
 }
 
-/// Registers `source`, whose vertices start at `start`, with `target`.
+/// Registers `source`, whose vertices start at `start`, with `target`. Seams of `source` stay closed.
 pub(super) fn register(source: &TriMesh, target: &TriMesh, start: Vec<Point>) -> Registered {
+    let Some(welded) = weld(source) else { return register_sewn(source, target, start) };
+    let sewn = welded.first_of().iter().map(|v| start[*v as usize]).collect();
+    let found = register_sewn(&welded.mesh, target, sewn);
+    Registered { positions: welded.unweld(&found.positions, &start), ..found }
+}
+
+fn register_sewn(source: &TriMesh, target: &TriMesh, start: Vec<Point>) -> Registered {
     let (tree, normals) = (Bvh::new(target), face_normals(target, target.vertices()));
     let radius = SEARCH_RADIUS * target.aabb().size().y;
     let graph = Graph::new(source);

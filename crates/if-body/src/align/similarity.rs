@@ -2,7 +2,7 @@
 
 use super::{AlignError, BodyShape};
 use if_core::aabb::Aabb;
-use if_core::math::{Point, Real, Vector, unit_or_zero};
+use if_core::math::{Point, Real, Vector};
 use nalgebra::{Matrix3, Rotation3};
 
 /// A similarity: y = s R (x − a) + b.
@@ -14,6 +14,8 @@ pub(super) struct Similarity {
     to: Point,
 }
 
+/// Shortest bone that shows a direction, in metres.
+const SHORTEST: Real = 1e-6;
 /// Least number of common joints to estimate a rotation.
 const LEAST_JOINTS: usize = 3;
 
@@ -92,8 +94,11 @@ pub(super) fn start(from: &BodyShape, to: &BodyShape, similarity: &Similarity) -
         let j = &a.joints()[k];
         let twin = b.joints().iter().find(|t| t.name == j.name)?;
         let (u, v) = (j.tail - j.head, twin.tail - twin.head);
-        let rotation =
-            Rotation3::rotation_between(&u, &v).filter(|_| unit_or_zero(&u) != Vector::zeros())?;
+        // Rigs without tails have bones of no length, which show neither direction nor scale.
+        if u.norm().min(v.norm()) < SHORTEST {
+            return None;
+        }
+        let rotation = Rotation3::rotation_between(&u, &v)?;
         // The geometric mean: bones differ more in length than limbs do in girth.
         Some(Similarity {
             rotation,

@@ -6,6 +6,7 @@ use if_core::edges::{Edges, parts_by_edges};
 use if_core::math::{Real, Vector, unit_or_zero};
 use if_core::mesh::TriMesh;
 use if_core::rows::Rows;
+use if_mesh::body_surface::turned_outwards;
 use if_mesh::index::Bvh;
 use if_sparse::{Cholesky, Entry, Mat};
 use rayon::prelude::*;
@@ -96,6 +97,9 @@ impl Binding {
         if body.triangles().is_empty() {
             return Err(SkinError::Empty { vertices: body.vertices().len(), joints: 0 });
         }
+        // Its normals face the cloth, also of a body that is inside out.
+        let turned = turned_outwards(body);
+        let body = turned.as_ref().unwrap_or(body);
         let nearest = nearest_points(body, garment);
         let net = Net::new(garment);
         let extension = Extension::new(&net, &matched(body, garment, &net, &nearest))?;

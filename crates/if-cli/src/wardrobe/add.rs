@@ -87,9 +87,6 @@ impl From<Class> for GarmentClass {
     }
 }
 
-/// Joints that a byte of a PLY file can name.
-const JOINTS: usize = 256;
-
 /// A file that is no garment.
 #[derive(Debug, thiserror::Error, Diagnostic)]
 #[error("cannot add `{file}`")]
@@ -113,6 +110,12 @@ pub(super) fn run(args: &AddArgs) -> Result<End, Report> {
             let [first, second] = [first, path].map(|p| p.display().to_string());
             return Err(OutputError::SameName { first, second, name }.into());
         }
+    }
+    let of_body = [&args.mesh, &args.template, &args.skeleton].into_iter().flatten();
+    keep_inputs(&args.root.join("bodies").join(&args.body), of_body)?;
+    for path in &args.garments {
+        let (file, _) = file_and_node(path);
+        keep_inputs(&args.root.join("garments").join(name_of(args, path)), [&file])?;
     }
     let mut wardrobe = open_or_begin(&args.root)?;
     let body = match &args.mesh {
@@ -156,6 +159,29 @@ pub(super) fn run(args: &AddArgs) -> Result<End, Report> {
     Ok(if cancel::is_requested() { End::Cancelled } else { end })
 }
 
+/// Refuses to replace a folder that holds an input, unless that is one of a wardrobe's own files, which
+/// get their names again.
+fn keep_inputs<'a>(
+    folder: &Path,
+    inputs: impl IntoIterator<Item = &'a PathBuf>,
+) -> Result<(), OutputError> {
+    const OWN: [&str; 4] = ["body.ply", "template.ply", "skeleton.json", "garment.ply"];
+    let Ok(whole) = folder.canonicalize() else { return Ok(()) };
+    for input in inputs {
+        let is_inside = input.canonicalize().is_ok_and(|file| {
+            file.strip_prefix(&whole)
+                .is_ok_and(|rest| !OWN.iter().any(|own| rest == Path::new(own)))
+        });
+        if is_inside {
+            return Err(OutputError::AroundInput {
+                path: folder.into(),
+                input: input.display().to_string(),
+            });
+        }
+    }
+    Ok(())
+}
+
 /// The name of a garment: that of its node, or the stem of its file.
 fn name_of(args: &AddArgs, path: &Path) -> String {
     let (file, node) = file_and_node(path);
@@ -183,8 +209,10 @@ fn add(
     let file = MeshFile::read(path).map_err(|e| unusable(ErrorChain::new(&e)))?;
     let (skin, beside, licence, lost) = match file.content() {
         Content::Ply(ply) => {
-            let skin =
-                ply.vertex_property("j0").map(|_| SkinWeights::from_ply(ply, JOINTS)).transpose();
+            let skin = ply
+                .vertex_property("j0")
+                .map(|_| SkinWeights::from_ply(ply, SkinWeights::MAX_JOINTS))
+                .transpose();
             (
                 skin.map_err(|e| unusable(ErrorChain::new(&e)))?,
                 Beside::of(ply),

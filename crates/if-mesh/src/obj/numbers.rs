@@ -1,5 +1,7 @@
 //! Numbers as most programs write them, faster than by the standard library and with the same bits.
 
+use crate::float_of_c::float_of_c;
+
 /// Powers of ten that `f64` represents exactly.
 const POWERS: [f64; 23] = [
     1e0, 1e1, 1e2, 1e3, 1e4, 1e5, 1e6, 1e7, 1e8, 1e9, 1e10, 1e11, 1e12, 1e13, 1e14, 1e15, 1e16,
@@ -18,7 +20,7 @@ const DIGITS: usize = 19;
 /// division rounds it correctly. Others are left to the standard library.
 #[inline]
 pub(super) fn float(text: &[u8]) -> Option<f64> {
-    few_digits(text).or_else(|| std::str::from_utf8(text).ok()?.parse().ok())
+    few_digits(text).or_else(|| float_of_c(std::str::from_utf8(text).ok()?))
 }
 
 #[inline]

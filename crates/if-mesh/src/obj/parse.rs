@@ -124,7 +124,7 @@ fn statements(words: &mut Words<'_>) -> Result<Statements, ReadError> {
                 part.normals.push(NormalLine { span, value, user: User::None });
             }
             Some(b"vt") => {
-                words.numbers("vt", 1, &[0, 1, 2], "1 to 3")?;
+                words.numbers("vt", 1, &[0, 1, 2, 3], "1 to 4")?;
                 part.textures += 1;
             }
             Some(b"f" | b"fo") => {

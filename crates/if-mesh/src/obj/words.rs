@@ -163,6 +163,9 @@ impl<'a> Words<'a> {
                 continue;
             }
             let index = integer(part).ok_or_else(|| self.bad_corner(word))?;
+            if index == 0 && k > 0 {
+                continue; // none, as some programs write it
+            }
             let absolute =
                 if index < 0 { index.saturating_add(before[k].into()) } else { index - 1 };
             if index == 0 || absolute < 0 || absolute >= counts[k].into() {

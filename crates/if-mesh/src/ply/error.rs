@@ -169,9 +169,7 @@ pub enum WriteError {
     )]
     PropertyLength { element: String, property: String, expected: usize, found: usize },
     /// A name is invalid in a header.
-    #[error(
-        "`{name}` cannot name an element or property: a name must be one word of printable ASCII and unique"
-    )]
+    #[error("`{name}` cannot name an element or property: a name must be one word, and unique")]
     Name { name: String },
     /// The polygons do not belong to the mesh.
     #[error(

@@ -58,7 +58,7 @@ pub(super) fn read<R: Read>(source: &mut Source<'_, R>) -> Result<Header, ReadEr
     }
     let mut names = Names::default();
     let mut text = String::from("ply\n");
-    let mut numbers = vec![0, 1]; // line of the file for each line of `text`, both counted from 1
+    let mut lines = vec![(0, String::new()), (1, String::new())]; // of the file, for each line of `text` from 1 on
     loop {
         let line = match source.line(MAX_HEADER as usize)? {
             Some(line) => decode(line.trim_ascii()),
@@ -73,33 +73,38 @@ pub(super) fn read<R: Read>(source: &mut Source<'_, R>) -> Result<Header, ReadEr
             return Err(ReadError::HeaderEnd { bytes: MAX_HEADER, lines: source.line_number() });
         }
         if !line.is_empty() {
-            numbers.push(source.line_number());
             text.push_str(&names.checked(&line, source.line_number())?);
             text.push('\n');
         }
-        if line == "end_header" {
+        let is_last = line == "end_header";
+        if !line.is_empty() {
+            lines.push((source.line_number(), line));
+        }
+        if is_last {
             break;
         }
     }
     let parsed = Parser::<DefaultElement>::new()
         .read_header(&mut Reader::new(text.as_bytes()))
         .map_err(|e| match e.line() {
-            Some(k) if k < numbers.len() => ReadError::HeaderLine {
-                line: numbers[k],
-                text: text.lines().nth(k - 1).unwrap_or_default().to_owned(),
-            },
+            Some(k) if k < lines.len() => {
+                let (line, text) = lines.swap_remove(k);
+                ReadError::HeaderLine { line, text }
+            }
             _ => ReadError::Format,
         })?;
     if (parsed.version.major, parsed.version.minor) != (1, 0) {
         return Err(ReadError::Format);
     }
     let mut elements = Vec::with_capacity(parsed.elements.len());
-    for (e, (name, element)) in parsed.elements.into_iter().enumerate() {
+    for (e, (_, element)) in parsed.elements.into_iter().enumerate() {
+        let (name, of_properties) = std::mem::take(&mut names.given[e]);
         if element.properties.is_empty() && element.count > 0 {
             return Err(ReadError::NoProperties { element: name, count: element.count as u64 });
         }
         let mut properties = Vec::with_capacity(element.properties.len());
-        for (p, (property, def)) in element.properties.into_iter().enumerate() {
+        let defined = element.properties.into_iter().zip(of_properties).enumerate();
+        for (p, ((_, def), property)) in defined {
             let of = |slot, t: &Theirs| {
                 names.wide.get(&(e, p, slot)).copied().unwrap_or_else(|| ours(t))
             };
@@ -122,58 +127,62 @@ pub(super) fn read<R: Read>(source: &mut Source<'_, R>) -> Result<Header, ReadEr
     })
 }
 
-/// Checks that `ply-rs-bw` does not make: it drops the first of two elements of the same name, and
-/// does not support 64-bit integers.
+/// Names, and checks that `ply-rs-bw` does not make: it drops the first of two elements of the same name,
+/// does not support 64-bit integers, and refuses names of other characters than letters, digits, `_` and
+/// `-`, as in CloudCompare's `scalar_Illuminance_(PCV)`.
 #[derive(Default)]
 struct Names {
+    /// Each element with its properties.
+    given: Vec<(String, Vec<String>)>,
     elements: BTreeSet<String>,
-    current: String,
     properties: BTreeSet<String>,
     /// (element, property, word of the line) of each 64-bit integer type.
     wide: BTreeMap<(usize, usize, usize), ScalarType>,
 }
 
 impl Names {
-    /// The line for `ply-rs-bw`, with `double` in place of 64-bit integers.
+    /// The line for `ply-rs-bw`, with other names, and `double` in place of 64-bit integers.
     fn checked(&mut self, line: &str, number: u64) -> Result<String, ReadError> {
         let mut words: Vec<&str> = line.split_ascii_whitespace().collect();
-        let last = (*words.last().expect("callers skip empty lines")).to_owned();
+        let last = words.len() - 1; // callers skip empty lines
         match words[0] {
             "element" if words.len() == 3 => {
+                let name = words[1].to_owned();
+                if !self.elements.insert(name.clone()) {
+                    return Err(ReadError::DuplicateElement { line: number, name });
+                }
                 self.properties.clear();
-                self.current = words[1].to_owned();
-                if !self.elements.insert(words[1].to_owned()) {
-                    return Err(ReadError::DuplicateElement {
-                        line: number,
-                        name: words[1].to_owned(),
-                    });
-                }
+                self.given.push((name, Vec::new()));
+                let stand_in = format!("e{}", self.given.len());
+                words[1] = &stand_in;
+                Ok(words.join(" "))
             }
-            "property" if words.len() >= 3 => {
-                let (element, property) =
-                    (self.elements.len().wrapping_sub(1), self.properties.len());
-                if !self.properties.insert(last.clone()) {
-                    return Err(ReadError::DuplicateProperty {
-                        line: number,
-                        element: self.current.clone(),
-                        name: last,
-                    });
+            "property" if words.len() == if words.get(1) == Some(&"list") { 5 } else { 3 } => {
+                let element = self.given.len().wrapping_sub(1);
+                let Some((current, properties)) = self.given.last_mut() else {
+                    return Ok(line.to_owned()); // of no element, which is refused
+                };
+                let name = words[last].to_owned();
+                if !self.properties.insert(name.clone()) {
+                    let element = current.clone();
+                    return Err(ReadError::DuplicateProperty { line: number, element, name });
                 }
-                let slots = if words[1] == "list" { 2..words.len() - 1 } else { 1..2 };
-                for slot in slots {
+                for slot in 1..last {
                     let t = match words[slot] {
                         "int64" => ScalarType::I64,
                         "uint64" => ScalarType::U64,
                         _ => continue,
                     };
-                    self.wide.insert((element, property, slot), t);
+                    self.wide.insert((element, properties.len(), slot), t);
                     words[slot] = "double";
                 }
-                return Ok(words.join(" "));
+                let stand_in = format!("p{}", properties.len());
+                properties.push(name);
+                words[last] = &stand_in;
+                Ok(words.join(" "))
             }
-            _ => {}
+            _ => Ok(line.to_owned()),
         }
-        Ok(line.to_owned())
     }
 }
 
@@ -235,6 +244,23 @@ mod tests {
             header("ply\nformat ascii 1.0\n\n\nelement vertex -3\nend_header\n").err().unwrap();
         assert!(matches!(fault, ReadError::HeaderLine { line: 5, .. }), "{fault}");
         assert!(fault.to_string().contains("element vertex -3"), "{fault}");
+    }
+
+    #[test]
+    fn names_may_have_any_characters_but_blanks() {
+        let names = ["scalar_Illuminance_(PCV)", "Coord._X", "UVMap.001", "2nd", "höhe", "a:b/c#d"];
+        let mut text = String::from("ply\nformat ascii 1.0\nelement vertex 0\n");
+        names.iter().for_each(|n| text += &format!("property float {n}\n"));
+        text += "element my.own 0\nproperty list uchar int in.dices\nend_header\n";
+        let h = header(&text).unwrap();
+        assert!(h.elements[0].properties.iter().map(|p| &p.name).eq(names));
+        assert_eq!(
+            (&*h.elements[1].name, &*h.elements[1].properties[0].name),
+            ("my.own", "in.dices")
+        );
+        let fault =
+            header(&text.replace("property float 2nd", "property floaty 2nd")).err().unwrap();
+        assert!(fault.to_string().contains("property floaty 2nd"), "as in the file: {fault}");
     }
 
     #[test]

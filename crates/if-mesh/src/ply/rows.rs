@@ -102,7 +102,7 @@ impl<'a> Rows<'a> {
 
 /// The name, if it is valid in a header.
 fn checked(name: &str) -> Result<&str, WriteError> {
-    let fits = !name.is_empty() && name.bytes().all(|b| b.is_ascii_graphic());
+    let fits = !name.is_empty() && !name.contains(|c: char| c.is_whitespace() || c.is_control());
     if fits { Ok(name) } else { Err(WriteError::Name { name: name.to_owned() }) }
 }
 

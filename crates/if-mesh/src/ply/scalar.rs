@@ -1,6 +1,7 @@
 //! Numbers of PLY files as bytes and as text.
 
 use crate::attributes::{Column, ScalarType, with_column};
+use crate::float_of_c::float_of_c;
 
 /// A number as bytes and as text.
 pub(super) trait Scalar: Copy + Default {
@@ -57,8 +58,8 @@ scalar! {
     u32 U32 whole;
     i64 I64 |t| t.parse().ok();
     u64 U64 |t| t.parse().ok();
-    f32 F32 |t| t.parse().ok();
-    f64 F64 |t| t.parse().ok();
+    f32 F32 float_of_c;
+    f64 F64 float_of_c;
 }
 
 /// Parses an integer, also in a form such as `255.0`, which some programs write for colours.

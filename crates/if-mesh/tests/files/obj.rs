@@ -107,6 +107,16 @@ fn a_foreign_reader_sees_the_same_triangles() {
 }
 
 #[test]
+fn what_other_programs_write_beside_positions_does_not_matter() {
+    let text = "v 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0 0 1\nvt -nan(ind) 1.#QNAN\nvn -1.#IND nan nan(0x8)\n\
+        f 1/1/0 2/0/1 3/2/1\n";
+    let obj = obj::read(text.as_bytes()).unwrap();
+    assert_eq!(obj.mesh().triangles(), [[0, 1, 2]]);
+    let fault = obj::read(&b"v 0 0 -nan(ind)\nv 1 0 0\nv 0 1 0\nf 1 2 3\n"[..]).unwrap_err();
+    assert!(fault.to_string().contains("coordinate NaN"), "{fault}");
+}
+
+#[test]
 fn every_malformed_file_is_refused_with_its_line() {
     let dots = |rest: &str| format!("v 0 0 0\nv 1 0 0\nv 0 1 0\n{rest}").into_bytes();
     #[rustfmt::skip]

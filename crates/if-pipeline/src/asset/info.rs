@@ -4,6 +4,7 @@ use super::LayerHint;
 use if_core::edges::Edges;
 use if_core::math::{Point, Real, Vector};
 use if_core::mesh::TriMesh;
+use if_mesh::seams::weld;
 use if_outfit::digest::FileDigest;
 use serde::{Deserialize, Serialize};
 
@@ -91,8 +92,20 @@ pub struct Provenance {
     pub licence: Vec<String>,
 }
 
-/// The boundary loops of a mesh, the longest first.
+/// The files of an asset with their hashes, in a fixed order; those that it has not are empty.
+pub(crate) fn files<'a>(info: &'a AssetInfo) -> [(&'a str, String); 3] {
+    let of = |file: Option<&'a FileInfo>| match file {
+        Some(file) => (file.file.as_str(), file.content.sha256.clone()),
+        None => Default::default(),
+    };
+    let (network, baked) = (info.phi.network.as_ref(), info.phi.baked.as_ref());
+    [of(Some(&info.garment)), of(network), of(baked)]
+}
+
+/// The boundary loops of a mesh with its seams closed, the longest first.
 pub(super) fn openings(mesh: &TriMesh) -> Vec<Opening> {
+    let welded = weld(mesh);
+    let mesh = welded.as_ref().map_or(mesh, |welded| &welded.mesh);
     let at = |v: &u32| mesh.vertices()[*v as usize];
     let mut found: Vec<Opening> = Edges::new(mesh)
         .boundary_loops(mesh)

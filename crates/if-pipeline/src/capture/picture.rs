@@ -30,7 +30,7 @@ impl Kind {
     fn expects(self) -> &'static str {
         match self {
             Self::Mask => "grey of 1 to 16 bits",
-            Self::Label => "grey or palette of 8 bits, whose values are the labels",
+            Self::Label => "grey or palette of 1 to 8 bits, whose values are the labels",
             Self::Normal => "RGB of 8 or 16 bits",
         }
     }
@@ -40,7 +40,7 @@ impl Kind {
             Self::Mask => color == ColorType::Grayscale,
             Self::Label => {
                 matches!(color, ColorType::Grayscale | ColorType::Indexed)
-                    && depth == BitDepth::Eight
+                    && depth != BitDepth::Sixteen
             }
             Self::Normal => color == ColorType::Rgb,
         }
@@ -111,12 +111,13 @@ fn check_info(
     Ok(())
 }
 
-/// The samples of an image, whether they have 16 bits (in big-endian order), and the bytes of a pixel.
+/// The samples of an image, their bits (of 16 in big-endian order), and the bytes of a pixel that has
+/// some.
 fn read(
     path: &Path,
     kind: Kind,
     size: (usize, usize),
-) -> Result<(Vec<u8>, bool, usize), PictureError> {
+) -> Result<(Vec<u8>, BitDepth, usize), PictureError> {
     let mut decoder = Decoder::new(BufReader::new(regular_file::open(path)?));
     check_info(decoder.read_header_info()?, kind, size)?;
     // Masks are expanded to at least 8 bits; palette indices of labels are kept.
@@ -128,12 +129,11 @@ fn read(
     let mut reader = decoder.read_info()?;
     let bytes = reader.output_buffer_size().unwrap_or(usize::MAX);
     let (color, depth) = reader.output_color_type();
-    let wide = depth == BitDepth::Sixteen;
     // A mask with a transparent grey (tRNS) has a second sample after it is expanded.
-    let pixel = color.samples() * if wide { 2 } else { 1 };
+    let pixel = color.samples() * if depth == BitDepth::Sixteen { 2 } else { 1 };
     let mut samples = vec![0; bytes];
     reader.next_frame(&mut samples)?;
-    Ok((samples, wide, pixel))
+    Ok((samples, depth, pixel))
 }
 
 /// Whether each pixel is brighter than half of full white.
@@ -144,7 +144,17 @@ pub(super) fn mask(path: &Path, size: (usize, usize)) -> Result<Vec<bool>, Pictu
 
 /// The label of each pixel.
 pub(super) fn labels(path: &Path, size: (usize, usize)) -> Result<Vec<u8>, PictureError> {
-    Ok(read(path, Kind::Label, size)?.0)
+    let (samples, depth, _) = read(path, Kind::Label, size)?;
+    let bits = depth as usize;
+    if bits == 8 {
+        return Ok(samples);
+    }
+    // Several pixels to a byte, the first in its high bits; each row begins a new one.
+    let row = |bytes: &[u8]| -> Vec<u8> {
+        let of = |x: usize| bytes[x * bits / 8] >> (8 - bits - x * bits % 8) & ((1 << bits) - 1);
+        (0..size.0).map(of).collect()
+    };
+    Ok(samples.chunks_exact((size.0 * bits).div_ceil(8)).flat_map(row).collect())
 }
 
 /// Length below which a decoded normal counts as missing. Estimators write grey, a zero vector, where
@@ -154,13 +164,13 @@ const NO_NORMAL: f32 = 0.1;
 /// The unit normal of each pixel, encoded as (n · ½ + ½) in full range; zero where the pixel is black
 /// or grey.
 pub(super) fn normals(path: &Path, size: (usize, usize)) -> Result<Vec<[f32; 3]>, PictureError> {
-    let (samples, wide, _) = read(path, Kind::Normal, size)?;
+    let (samples, depth, _) = read(path, Kind::Normal, size)?;
     let unit = |code: [f32; 3]| {
         let n = code.map(|c| 2.0 * c - 1.0);
         let length = (n[0] * n[0] + n[1] * n[1] + n[2] * n[2]).sqrt();
         if code == [0.0; 3] || length < NO_NORMAL { [0.0; 3] } else { n.map(|c| c / length) }
     };
-    Ok(if wide {
+    Ok(if depth == BitDepth::Sixteen {
         let code =
             |s: &[u8], k: usize| f32::from(u16::from_be_bytes([s[2 * k], s[2 * k + 1]])) / 65535.0;
         samples.chunks_exact(6).map(|s| unit([code(s, 0), code(s, 1), code(s, 2)])).collect()
@@ -223,6 +233,30 @@ pub(super) fn write_normals(
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// As Pillow writes images of few colours.
+    #[test]
+    fn labels_may_have_less_than_a_byte() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("label.png");
+        let palette = [0; 12];
+        for (depth, rows, expected) in [
+            (
+                BitDepth::Two,
+                vec![0b0001_1011, 0b0100_0000, 0b1110_0100, 0b1000_0000],
+                [0, 1, 2, 3, 1, 3, 2, 1, 0, 2],
+            ),
+            (BitDepth::One, vec![0b0110_1000, 0b1001_1000], [0, 1, 1, 0, 1, 1, 0, 0, 1, 1]),
+        ] {
+            let mut encoder = Encoder::new(std::fs::File::create(&path).unwrap(), 5, 2);
+            encoder.set_color(ColorType::Indexed);
+            encoder.set_depth(depth);
+            encoder.set_palette(&palette[..]);
+            encoder.write_header().unwrap().write_image_data(&rows).unwrap();
+            check(&path, Kind::Label, (5, 2)).unwrap();
+            assert_eq!(labels(&path, (5, 2)).unwrap(), expected);
+        }
+    }
 
     #[test]
     fn a_mask_with_a_transparent_grey_is_read_as_one_without() {

@@ -14,7 +14,7 @@ use super::error::WardrobeError;
 use super::matching::{finished, is_finished, request, run_into};
 use super::pages;
 use super::result::{MatchParams, State};
-use super::result_folder::{folder_name, read_timings};
+use super::result_folder::{folder_name, is_result, read_timings};
 pub use super::summary::{BatchSummary, Entry};
 use if_core::monitor::Progress;
 use if_mesh::atomic;
@@ -22,7 +22,7 @@ use if_mesh::atomic::FolderWriter;
 use std::any::Any;
 use std::fmt::Write as _;
 use std::fs;
-use std::io::Write as _;
+use std::io::{self, Write as _};
 use std::ops::ControlFlow;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::{Path, PathBuf};
@@ -135,7 +135,17 @@ pub fn run(
     if at_once <= 1 {
         work();
     } else {
-        std::thread::scope(|scope| (0..at_once).for_each(|_| drop(scope.spawn(work))));
+        // Pools of their own, within the caller's number of threads: forked processes have no global one.
+        let share = rayon::current_num_threads().div_ceil(at_once);
+        let pool = |_| rayon::ThreadPoolBuilder::new().num_threads(share).build();
+        let pools: Vec<_> =
+            (0..at_once).map(pool).collect::<Result<_, _>>().map_err(io::Error::other)?;
+        let work = &work;
+        std::thread::scope(|scope| {
+            for pool in &pools {
+                scope.spawn(move || pool.install(work));
+            }
+        });
     }
     if let Some(error) = stopped.into_inner().unwrap_or_else(PoisonError::into_inner) {
         return Err(error);
@@ -177,12 +187,19 @@ fn collect(out: &Path, results: &FolderWriter) -> Result<(), WardrobeError> {
     let names = atomic::names(&shards).map_err(fault(&shards))?;
     for shard in names.iter().map(|name| shards.join(name)) {
         let path = shard.join(RESULTS);
+        if !path.is_dir() {
+            continue; // not a part
+        }
         let opened = FolderWriter::open(&path).map_err(fault(&path))?;
         let part = opened.ok_or_else(|| WardrobeError::Busy { path: path.clone() })?;
         for name in part.names().map_err(fault(&path))? {
+            if !is_result(&path.join(&name)) {
+                continue;
+            }
             let target = results.parent().join(&name);
             let is_there = fs::symlink_metadata(&target).is_ok();
             if is_there && (is_finished(&target) || !is_finished(&path.join(&name))) {
+                fs::remove_dir_all(path.join(&name)).map_err(fault(&path))?;
                 continue;
             }
             if is_there {
@@ -190,9 +207,13 @@ fn collect(out: &Path, results: &FolderWriter) -> Result<(), WardrobeError> {
             }
             fs::rename(path.join(&name), &target).map_err(fault(&target))?;
         }
-        // What is left are results that the whole has, and the part's own summary.
-        fs::remove_dir_all(&shard).map_err(fault(&shard))?;
+        for own in [SUMMARY, CSV, REPORT] {
+            let _ = fs::remove_file(shard.join(own)); // many are not there
+        }
         drop(part);
+        // Folders that hold anything of the user's stay.
+        let _ = fs::remove_dir(&path);
+        let _ = fs::remove_dir(&shard);
     }
     if !names.is_empty() {
         let _ = fs::remove_dir(&shards); // another part may have begun

@@ -24,7 +24,7 @@ use std::io;
 use std::path::{Path, PathBuf};
 
 const FORMAT: u32 = 1;
-const INFO: &str = "body.json";
+pub(super) const INFO: &str = "body.json";
 const MESH: &str = "body.ply";
 const TEMPLATE: &str = "template.ply";
 const SKELETON: &str = "skeleton.json";
@@ -32,8 +32,6 @@ const SKELETON: &str = "skeleton.json";
 /// side: 7 cm for a person. Templates of scanned people lie below their clothes; that of a person 14 cm
 /// taller is off by more.
 const TEMPLATE_OFF: Real = 0.04;
-/// Number of joints if there is no skeleton: what bytes of PLY files can index.
-const JOINTS: usize = 256;
 
 /// Metadata of a body: `body.json`.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -63,7 +61,8 @@ impl BodyInfo {
 pub struct NewBody<'a> {
     /// Its name.
     pub name: &'a str,
-    /// A PLY, OBJ or glTF file; skinning weights are used.
+    /// A PLY, OBJ or glTF file; skinning weights are used, those of a glTF file with a skeleton that has
+    /// its joints.
     pub mesh: &'a Path,
     /// A PLY or OBJ file of the same body in a topology that other bodies share.
     pub template: Option<&'a Path>,
@@ -105,16 +104,16 @@ impl BodyFiles {
     pub(super) fn read(new: &NewBody) -> Result<Self, WardrobeError> {
         let range = "positive, such as 0.001 for files in millimetres";
         ParameterError::check("scale", new.scale, new.scale.is_finite() && new.scale > 0.0, range)?;
-        let mesh =
-            |path: &Path| Ok::<_, WardrobeError>(Source::new(path, ply_bytes(path, new.scale)?));
         let skeleton = |path: &Path| {
             Ok::<_, WardrobeError>(Source::new(path, skeleton_bytes(path, new.scale)?))
         };
-        Ok(Self {
-            mesh: mesh(new.mesh)?,
-            template: new.template.map(mesh).transpose()?,
-            skeleton: new.skeleton.map(skeleton).transpose()?,
-        })
+        let skeleton = new.skeleton.map(skeleton).transpose()?;
+        let joints = skeleton.as_ref().map(read_skeleton).transpose()?;
+        let mesh = |path: &Path| {
+            let bytes = ply_bytes(path, new.scale, joints.as_ref())?;
+            Ok::<_, WardrobeError>(Source::new(path, bytes))
+        };
+        Ok(Self { mesh: mesh(new.mesh)?, template: new.template.map(mesh).transpose()?, skeleton })
     }
 
     /// Whether `body` has this mesh.
@@ -172,15 +171,11 @@ impl WardrobeBody {
     }
 }
 
-/// Stores the files of a body after validation.
-pub(super) fn write(
-    bodies: &FolderWriter,
-    name: &str,
-    files: &BodyFiles,
-) -> Result<BodyInfo, WardrobeError> {
+/// Checks that files are a body. Bodies that are invalid for any outfit are rejected here, not at every
+/// combination.
+pub(super) fn check(name: &str, files: &BodyFiles) -> Result<(), WardrobeError> {
     let parsed = parse(name, files)?;
     let path = || files.mesh.path.clone();
-    // Bodies that are invalid for any outfit are rejected here, not at every combination.
     let outfit = Outfit::new(Layer::new(name, parsed.mesh), vec![])
         .map_err(|source| WardrobeError::Body { path: path(), source })?;
     check_upright(&outfit.body.mesh, parsed.skeleton.as_ref())
@@ -188,6 +183,16 @@ pub(super) fn write(
     if let (Some((template, _)), Some(source)) = (&parsed.template, &files.template) {
         check_template(&outfit.body.mesh, template, &source.path)?;
     }
+    Ok(())
+}
+
+/// Stores the files of a body after validation.
+pub(super) fn write(
+    bodies: &FolderWriter,
+    name: &str,
+    files: &BodyFiles,
+) -> Result<BodyInfo, WardrobeError> {
+    check(name, files)?;
     bodies.write(name, |folder| {
         let put = |file: &str, bytes: &[u8]| {
             let path = folder.join(file);
@@ -213,8 +218,12 @@ pub(super) fn write(
 }
 
 /// A mesh file as stored in the wardrobe: PLY files in metres unchanged; files in other units, and OBJ
-/// files, as PLY in double precision.
-fn ply_bytes(path: &Path, scale: Real) -> Result<Vec<u8>, WardrobeError> {
+/// and glTF files, as PLY in double precision. Weights of glTF files name joints, of a skeleton.
+fn ply_bytes(
+    path: &Path,
+    scale: Real,
+    skeleton: Option<&Skeleton>,
+) -> Result<Vec<u8>, WardrobeError> {
     let file = MeshFile::read(path)?;
     if let (Content::Ply(_), true) = (file.content(), scale == 1.0) {
         return Ok(file.bytes().to_vec());
@@ -226,6 +235,18 @@ fn ply_bytes(path: &Path, scale: Real) -> Result<Vec<u8>, WardrobeError> {
     let params = WriteParams { coordinates: CoordinateType::Double, ..WriteParams::default() };
     let written = match file.content() {
         Content::Ply(ply) => ply::write(ply, &positions, &params, &mut bytes),
+        Content::Gltf(gltf) => {
+            let of = |skeleton: &Skeleton| {
+                let influences = gltf.influences()?;
+                Some(SkinWeights::from_gltf(&influences, skeleton.names()))
+            };
+            let skin = skeleton.and_then(of).transpose();
+            let skin =
+                skin.map_err(|source| WardrobeError::BodySkin { path: path.into(), source })?;
+            let vertex_properties = skin.map(|skin| skin.to_properties()).unwrap_or_default();
+            let ply = PlyMesh { vertex_properties, ..PlyMesh::new(mesh) };
+            ply::write(&ply, &positions, &params, &mut bytes)
+        }
         _ => ply::write(&PlyMesh::new(mesh), &positions, &params, &mut bytes),
     };
     written.map_err(|e| file::WriteError::Ply { path: path.into(), source: e.into() })?;
@@ -244,6 +265,11 @@ fn skeleton_bytes(path: &Path, scale: Real) -> Result<Vec<u8>, WardrobeError> {
     let mut bytes = Vec::new();
     scaled.write(&mut bytes)?;
     Ok(bytes)
+}
+
+fn read_skeleton(Source { path, bytes, .. }: &Source) -> Result<Skeleton, WardrobeError> {
+    Skeleton::read(&bytes[..])
+        .map_err(|source| WardrobeError::Skeleton { path: path.clone(), source })
 }
 
 /// The mesh file of a body, if it has not changed.
@@ -326,12 +352,8 @@ fn load(folder: &Path, file: &FileInfo) -> Result<Source, WardrobeError> {
 }
 
 fn parse(name: &str, files: &BodyFiles) -> Result<WardrobeBody, WardrobeError> {
-    let read = |Source { path, bytes, .. }: &Source| {
-        Skeleton::read(&bytes[..])
-            .map_err(|source| WardrobeError::Skeleton { path: path.clone(), source })
-    };
-    let skeleton = files.skeleton.as_ref().map(read).transpose()?;
-    let joints = skeleton.as_ref().map_or(JOINTS, Skeleton::len);
+    let skeleton = files.skeleton.as_ref().map(read_skeleton).transpose()?;
+    let joints = skeleton.as_ref().map_or(SkinWeights::MAX_JOINTS, Skeleton::len);
     let skinned = |Source { path, bytes, .. }: &Source| {
         let ply = ply::read_bytes(bytes)
             .map_err(|e| WardrobeError::BodyMesh { path: path.clone(), source: e.into() })?;

@@ -165,6 +165,11 @@ fn write_json(path: &Path, value: &impl Serialize) -> Result<(), WardrobeError> 
     fs::write(path, text).map_err(|source| WardrobeError::Folder { path: path.into(), source })
 }
 
+/// Whether a folder is that of a result, finished or not.
+pub(super) fn is_result(folder: &Path) -> bool {
+    folder.join(RESULT).is_file()
+}
+
 /// The result in a folder, if all its files have the recorded hashes.
 pub(super) fn read(folder: &Path) -> Option<MatchResult> {
     let result: MatchResult = serde_json::from_slice(&fs::read(folder.join(RESULT)).ok()?).ok()?;
