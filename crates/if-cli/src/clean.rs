@@ -189,7 +189,7 @@ pub(crate) fn run(args: &CleanArgs) -> Result<End, Report> {
     ply.vertex_properties = clean.attributes.into_properties();
     let how = WriteParams { coordinates: ply.coordinates, ..WriteParams::default() };
     ply::write_path(&ply, &positions, &how, &target.staged(0))
-        .map_err(|e| OutputError::Mesh { path: args.out.clone(), source: ErrorChain::new(&e) })?;
+        .map_err(|e| OutputError::of_mesh(args.out.clone(), e))?;
     if !args.no_pictures {
         let written =
             ply.mesh.with_vertices(positions).map_err(|source| CleanError::Precision { source })?;

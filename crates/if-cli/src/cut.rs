@@ -243,9 +243,8 @@ pub(crate) fn run(args: &CutArgs) -> Result<End, Report> {
         if cancel::is_requested() {
             return Ok(cancelled(args, line));
         }
-        write(piece, &attributes, &ply, args, &staging.path(&row.file)).map_err(|e| {
-            OutputError::Mesh { path: args.out.join(&row.file), source: ErrorChain::new(&e) }
-        })?;
+        write(piece, &attributes, &ply, args, &staging.path(&row.file))
+            .map_err(|e| OutputError::of_mesh(args.out.join(&row.file), e))?;
         files.push(&row.file);
     }
     if !args.no_pictures {

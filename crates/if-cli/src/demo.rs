@@ -80,7 +80,10 @@ const FRAMES: usize = 8;
 pub(crate) fn run(args: &DemoArgs) -> Result<End, Report> {
     let line = Line::new("demo", 0, 1);
     line.message("making the scene");
+    // Nothing is replaced while another process writes there.
+    let held = Staging::open(&args.out)?;
     let outfit = write_scene(args)?;
+    drop(held);
     let spec = outfit_file::with_args(outfit_file::read(&outfit)?, None, &args.params)?;
     let options =
         Options { pictures: !args.no_pictures, write_unproven: true, ..Default::default() };
@@ -130,7 +133,7 @@ fn write_scene(args: &DemoArgs) -> Result<PathBuf, Report> {
             ply.vertex_properties = rig::skin_weights(ply.mesh.vertices()).to_properties();
         }
         write_path(&ply, ply.mesh.vertices(), &WriteParams::default(), &staging.path(&file))
-            .into_diagnostic()?;
+            .map_err(|e| OutputError::of_mesh(folder.join(&file), e))?;
         // Writing to a string cannot fail.
         let _ = if k == 0 {
             writeln!(toml, "body = \"{file}\"")

@@ -23,7 +23,7 @@ use if_mesh::extract::{
 use if_mesh::file::MeshFile;
 use if_mesh::index::Bvh;
 use if_mesh::measure::{SurfaceDistance, smallest_angles, surface_distance};
-use if_mesh::ply::{CoordinateType, PlyMesh, WriteError, WriteParams, quantise, write_path};
+use if_mesh::ply::{CoordinateType, PlyMesh, WriteParams, quantise, write_path};
 use if_mesh::regular_file;
 use if_mesh::sdf::{MeshSdf, SdfError};
 use if_mesh::validate::faults;
@@ -400,12 +400,8 @@ fn write(
 ) -> Result<(), OutputError> {
     let fault = |k, source| OutputError::File { path: target.path(k), source };
     let params = WriteParams { coordinates: source.coordinates(), ..WriteParams::default() };
-    write_path(&PlyMesh::new(found.mesh.clone()), positions, &params, &target.staged(0)).map_err(
-        |e| match e {
-            WriteError::Io(source) => fault(0, source),
-            other => OutputError::Mesh { path: args.out.clone(), source: ErrorChain::new(&other) },
-        },
-    )?;
+    write_path(&PlyMesh::new(found.mesh.clone()), positions, &params, &target.staged(0))
+        .map_err(|e| OutputError::of_mesh(args.out.clone(), e))?;
     if !args.no_pictures {
         for (k, mesh) in source.mesh().into_iter().chain([&found.mesh]).enumerate() {
             let fault = |source| fault(k + 1, source);

@@ -2,6 +2,7 @@
 
 use crate::errors::ErrorChain;
 use if_mesh::atomic::FileSetError;
+use if_mesh::ply::WriteError;
 use miette::Diagnostic;
 use std::io;
 use std::path::PathBuf;
@@ -66,8 +67,18 @@ pub(crate) enum OutputError {
     NoFolder,
 }
 
+impl OutputError {
+    /// Why a mesh was not written: by the file system, or by its format.
+    pub(crate) fn of_mesh(path: PathBuf, error: WriteError) -> Self {
+        match error {
+            WriteError::Io(source) => Self::File { path, source },
+            error => Self::Mesh { path, source: ErrorChain::new(&error) },
+        }
+    }
+}
+
 /// What to do about a failed write.
-fn advice(error: &io::Error) -> &'static str {
+pub(crate) fn advice(error: &io::Error) -> &'static str {
     match error.kind() {
         io::ErrorKind::StorageFull | io::ErrorKind::QuotaExceeded | io::ErrorKind::FileTooLarge => {
             "make room there, or give --out a folder on another disk"

@@ -176,6 +176,12 @@ impl TriMesh {
         Aabb::from_points(self.triangles.as_flattened().iter().map(|v| &self.vertices[*v as usize]))
     }
 
+    /// The vertices that a triangle uses.
+    pub fn surface_vertices(&self) -> impl Iterator<Item = &Point> {
+        let used = self.used_vertices().into_iter();
+        self.vertices.iter().zip(used).filter_map(|(p, is_used)| is_used.then_some(p))
+    }
+
     /// For each vertex, whether a triangle uses it.
     pub fn used_vertices(&self) -> Vec<bool> {
         let mut used = vec![false; self.vertices.len()];

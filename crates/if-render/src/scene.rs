@@ -26,7 +26,8 @@ pub(crate) struct Frame {
 
 impl Frame {
     pub(crate) fn new(scene: &[RenderLayer], views: &[View], width: usize, height: usize) -> Self {
-        let aabb = scene.iter().fold(if_core::aabb::Aabb::EMPTY, |b, l| b.merged(&l.mesh.aabb()));
+        let aabb =
+            scene.iter().fold(if_core::aabb::Aabb::EMPTY, |b, l| b.merged(&l.mesh.surface_aabb()));
         let mut frame = Self {
             middle: Point::origin(),
             scale: 1.0,
@@ -40,7 +41,7 @@ impl Frame {
         // The largest extent over all views, so that they have one scale.
         let mut extent = [0.0f64; 2];
         for axes in views.iter().map(axes) {
-            for p in scene.iter().flat_map(|l| l.mesh.vertices()) {
+            for p in scene.iter().flat_map(|l| l.mesh.surface_vertices()) {
                 (0..2).for_each(|k| {
                     extent[k] = extent[k].max(axes[k].dot(&(p - frame.middle)).abs())
                 });
@@ -172,7 +173,8 @@ impl Scene {
 fn shadow(scene: &[RenderLayer], frame: &Frame, axes: &[Vector; 3]) -> Option<Shadow> {
     /// Height up to which something stands on the floor, in metres.
     const STANDS: Real = 0.1;
-    let feet = scene.iter().flat_map(|l| l.mesh.vertices()).filter(|p| p.y < frame.floor + STANDS);
+    let all = scene.iter().flat_map(|l| l.mesh.surface_vertices());
+    let feet = all.filter(|p| p.y < frame.floor + STANDS);
     let aabb = if_core::aabb::Aabb::from_points(feet);
     if aabb.is_empty() {
         return None;

@@ -89,7 +89,7 @@ impl<'a> Viewer<'a> {
     /// The elements of a page that `viewer.js` reads: what there is as JSON, and the numbers.
     pub(crate) fn html(&self) -> String {
         let meshes = self.layers.iter().flat_map(|layer| &layer.meshes);
-        let mut writer = Writer::new(meshes.flat_map(|mesh| mesh.vertices()));
+        let mut writer = Writer::new(meshes.flat_map(|mesh| mesh.surface_vertices()));
         let mut layers = Vec::new();
         for layer in &self.layers {
             let mut states = Vec::new();

@@ -1,7 +1,7 @@
 //! Opening a wardrobe, and errors of wardrobes with advice.
 
 use crate::errors::ErrorChain;
-use crate::output_error::OutputError;
+use crate::output_error::{OutputError, advice};
 use if_outfit::outfit::OutfitError;
 use if_pipeline::asset::AssetError;
 use if_pipeline::wardrobe::{Unreadable, Wardrobe, WardrobeError};
@@ -54,6 +54,7 @@ impl Fault {
             | WardrobeError::BodyMesh { .. } => {
                 "the body must be one PLY, OBJ or glTF mesh in metres"
             }
+            WardrobeError::Folder { source, .. } | WardrobeError::Io(source) => advice(source),
             WardrobeError::NotUpright { .. } => "rotate the files, and add them again",
             WardrobeError::Parameter(_) | WardrobeError::Resolve(_) => {
                 "give a value in the range that is named; docs/reference/parameters.md lists them"

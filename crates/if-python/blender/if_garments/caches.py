@@ -56,7 +56,7 @@ def paths(things, path):
     """A file for each object."""
     found = [os.path.join(path, bpy.path.clean_name(thing.name) + ".pc2") for thing in things]
     for k, file in enumerate(found):
-        if file in found[:k]:
+        if file.lower() in [other.lower() for other in found[:k]]:  # as some file systems
             raise MeshError(f"{things[k].name}: another garment has the file {file}; rename one")
     return found
 

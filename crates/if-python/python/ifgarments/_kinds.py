@@ -164,7 +164,9 @@ def _triangles(cells: list[Any], argument: str) -> Faces:
             raise ValueError(
                 f"{argument}: cells are of type {block.type!r}; triangulate the mesh first"
             )
-    return np.concatenate([np.zeros((0, 3), np.int64), *(block.data for block in blocks)])
+    # Each by itself: joined, int64 and uint64 would become float64.
+    data = [_faces(block.data, argument).astype(np.int64, copy=False) for block in blocks]
+    return np.concatenate([np.zeros((0, 3), np.int64), *data])
 
 
 def _copy(mesh: Any) -> Any:

@@ -98,11 +98,15 @@ def _processes(parts: list[_Part], workers: int | None, retries: int) -> Iterato
         remaining = dict(enumerate(parts))
         try:
             with ProcessPoolExecutor(workers, mp_context=context) as pool:
-                futures = {pool.submit(_do, part): k for k, part in remaining.items()}
-                for future in as_completed(futures):
-                    count = future.result()
-                    del remaining[futures[future]]
-                    yield count
+                try:
+                    futures = {pool.submit(_do, part): k for k, part in remaining.items()}
+                    for future in as_completed(futures):
+                        count = future.result()
+                        del remaining[futures[future]]
+                        yield count
+                except BaseException:  # an error, Ctrl-C, or of `progress`: parts that wait are not begun
+                    pool.shutdown(wait=False, cancel_futures=True)
+                    raise
             return
         except BrokenProcessPool:
             if left == 0:
@@ -115,9 +119,14 @@ def _ray(parts: list[_Part], workers: int | None, retries: int) -> Iterator[int]
 
     task = ray.remote(max_retries=retries, num_cpus=parts[0][4]["threads"] if parts else 1)(_do)
     open_tasks = [task.remote(part) for part in parts]
-    while open_tasks:
-        finished, open_tasks = ray.wait(open_tasks)
-        yield from ray.get(finished)
+    try:
+        while open_tasks:
+            finished, open_tasks = ray.wait(open_tasks)
+            yield from ray.get(finished)
+    except BaseException:
+        for waiting in open_tasks:
+            ray.cancel(waiting)
+        raise
 
 
 _ENGINES = {"processes": _processes, "ray": _ray}
