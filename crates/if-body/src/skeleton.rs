@@ -124,7 +124,9 @@ impl Skeleton {
     ///
     /// [`SkeletonError`], with the index of the joint.
     pub fn read(reader: impl Read) -> Result<Self, SkeletonError> {
-        let file: File = serde_json::from_reader(reader)?;
+        let text = io::read_to_string(reader).map_err(serde_json::Error::io)?;
+        // Some editors begin files with a byte order mark.
+        let file: File = serde_json::from_str(text.trim_start_matches('\u{feff}'))?;
         let joint = |(index, j): (usize, JointFile)| {
             if j.id != index as i64 {
                 return Err(SkeletonError::Order { index, name: j.name, id: j.id });

@@ -29,7 +29,7 @@ pub enum BvhError {
     SameName { name: String },
     /// The rest pose is no upright person.
     #[error(
-        "the person in the rest pose is {height} high, {width} wide and {depth} deep, in the units \
+        "the person in the rest pose is {height:.1} high, {width:.1} wide and {depth:.1} deep, in the units \
          of the file; y must be up: export the motion so"
     )]
     NotUpright { height: Real, width: Real, depth: Real },
@@ -248,8 +248,15 @@ struct Words<'a> {
 
 impl<'a> Words<'a> {
     fn new(text: &'a str) -> Self {
-        let of_line = |(line, text): (usize, &'a str)| {
-            text.split_whitespace().map(move |word| (line + 1, word))
+        // Braces are words of their own, also right after a name.
+        let parts = |word: &'a str| {
+            word.split_inclusive(['{', '}']).flat_map(|part| {
+                let (word, brace) = part.split_at(part.trim_end_matches(['{', '}']).len());
+                [word, brace].into_iter().filter(|part| !part.is_empty())
+            })
+        };
+        let of_line = move |(line, text): (usize, &'a str)| {
+            text.split_whitespace().flat_map(parts).map(move |word| (line + 1, word))
         };
         let words: Box<dyn Iterator<Item = _>> =
             Box::new(text.lines().enumerate().flat_map(of_line));
@@ -266,7 +273,7 @@ impl<'a> Words<'a> {
 
     fn expect(&mut self, expected: &'static str) -> Result<(), BvhError> {
         let (line, found) = self.next(expected)?;
-        if found == expected {
+        if found.eq_ignore_ascii_case(expected) {
             Ok(())
         } else {
             Err(BvhError::Syntax { line, expected, found: found.into() })

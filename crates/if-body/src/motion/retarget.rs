@@ -4,7 +4,7 @@ use super::bvh::{Bvh, BvhError};
 use crate::skeleton::Skeleton;
 use if_core::math::{Point, Real, Vector};
 use nalgebra::UnitQuaternion;
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 use std::f64::consts::FRAC_PI_2;
 
 type Turn = UnitQuaternion<Real>;
@@ -30,7 +30,7 @@ pub(super) struct Retargeted {
 ///
 /// The file has fewer than half of the joints, or its rest pose is not upright.
 pub(super) fn retarget(bvh: &Bvh, skeleton: &Skeleton) -> Result<Retargeted, BvhError> {
-    let Matches { of: matches, hips: [hips, hips_of_file] } = matches(bvh, skeleton)?;
+    let Matches { of: matches, is_limb, hips: [hips, hips_of_file] } = matches(bvh, skeleton)?;
     let rest = bvh.rest();
     let rest: Vec<Vector> = rest.iter().map(|p| p - rest[hips_of_file]).collect();
     let height = hip_height(bvh, &rest, hips_of_file)?;
@@ -48,7 +48,7 @@ pub(super) fn retarget(bvh: &Bvh, skeleton: &Skeleton) -> Result<Retargeted, Bvh
     let mut align: Vec<Turn> = Vec::with_capacity(joints.len());
     for (j, joint) in joints.iter().enumerate() {
         let inherited = joint.parent.map_or(facing, |p| align[p]);
-        align.push(match bones(bvh, skeleton, &matches, &rest, j) {
+        align.push(match bones(bvh, skeleton, (&matches, is_limb[j]), &rest, j) {
             Bones::One(own, other) => {
                 let own = facing * own;
                 // Opposite bones have no shortest way.
@@ -82,6 +82,8 @@ pub(super) fn retarget(bvh: &Bvh, skeleton: &Skeleton) -> Result<Retargeted, Bvh
 struct Matches {
     /// The joint of the file for each joint of the skeleton.
     of: Vec<Option<usize>>,
+    /// Whether a joint of the skeleton is of an arm or leg, by its name.
+    is_limb: Vec<bool>,
     /// The hips of the skeleton and of the file.
     hips: [usize; 2],
 }
@@ -89,16 +91,23 @@ struct Matches {
 /// Hips belong together, and other joints below them if their names are alike.
 fn matches(bvh: &Bvh, skeleton: &Skeleton) -> Result<Matches, BvhError> {
     let (mut exact, mut usual) = (HashMap::new(), HashMap::new());
-    for (k, joint) in bvh.joints.iter().enumerate() {
-        let name = Name::new(&joint.name);
+    let of_file = Name::all(bvh.joints.iter().map(|joint| joint.name.as_str()));
+    for (k, name) in of_file.into_iter().enumerate() {
         exact.entry(name.plain).or_insert(k);
         usual.entry(name.usual).or_insert(k);
     }
-    let names: Vec<Name> = skeleton.names().map(Name::new).collect();
-    let find = |name: &Name| exact.get(&name.plain).or_else(|| usual.get(&name.usual)).copied();
-    let alike: Vec<Option<usize>> = names.iter().map(find).collect();
+    let names = Name::all(skeleton.names());
+    // What is called a shoulder may be another joint of the arm in the file.
+    let find = |name: &Name| match name.is_limb() {
+        true => usual.get(&name.usual).or_else(|| exact.get(&name.plain)),
+        false => exact.get(&name.plain).or_else(|| usual.get(&name.usual)),
+    };
+    let mut taken = HashSet::new();
+    let alike = names.iter().map(|name| find(name).copied().filter(|k| taken.insert(*k)));
+    let alike: Vec<Option<usize>> = alike.collect();
 
-    let limbs = (0..names.len()).filter(|j| names[*j].usual.0.is_some());
+    // Others with a side, such as handles of rigs (`ik_foot_l`), hang anywhere.
+    let limbs = (0..names.len()).filter(|j| names[*j].is_limb());
     let limbs: Vec<[usize; 2]> = limbs.filter_map(|j| Some([j, alike[j]?])).collect();
     let is_leg = |[j, _]: &[usize; 2]| LEG.contains(&names[*j].usual.1.as_str());
     let hips = match limbs.iter().any(is_leg) {
@@ -122,7 +131,7 @@ fn matches(bvh: &Bvh, skeleton: &Skeleton) -> Result<Matches, BvhError> {
         let missing = missing.map_or("", |(name, _)| name).to_owned();
         return Err(BvhError::Joints { found, joints: skeleton.len(), missing });
     }
-    Ok(Matches { of, hips })
+    Ok(Matches { of, is_limb: names.iter().map(Name::is_limb).collect(), hips })
 }
 
 /// The joint from which all limbs hang: the root, or one below it where the root lies on the floor, as in
@@ -175,8 +184,42 @@ const SYNONYMS: [&[&str]; 8] = [
     &["hand", "wrist"],
 ];
 
+/// A part of the hand beyond the wrist, where that has a name of its own.
+const PALM: &str = "palm";
+
 impl Name {
-    fn new(name: &str) -> Self {
+    /// The names of a skeleton. Some mean another joint by what else its list has on that side: SMPL,
+    /// Biovision and Kinect call the upper arm a shoulder, the toes a foot and the palm a hand.
+    fn all<'a>(names: impl Iterator<Item = &'a str>) -> Vec<Self> {
+        let mut names: Vec<(Self, String)> = names.map(Self::new).collect();
+        for side in ['l', 'r'] {
+            let has = |any: &[&str]| {
+                let own = names.iter().filter(|(name, _)| name.usual.0 == Some(side));
+                own.map(|(_, word)| word.as_str()).any(|word| any.contains(&word))
+            };
+            let [.., toe, shoulder, arm, _, _] = SYNONYMS;
+            let other = [
+                ("shoulder", arm[0], !has(arm) && (has(&shoulder[1..]) || has(&["elbow"]))),
+                ("foot", toe[0], has(&["ankle"]) && !has(toe)),
+                ("hand", PALM, has(&["wrist"])),
+            ];
+            for (name, word) in names.iter_mut().filter(|(name, _)| name.usual.0 == Some(side)) {
+                if let Some((_, usual, _)) = other.iter().find(|(w, _, is)| w == word && *is) {
+                    name.usual.1 = (*usual).to_owned();
+                }
+            }
+        }
+        names.into_iter().map(|(name, _)| name).collect()
+    }
+
+    /// Whether it names a joint of an arm or leg.
+    fn is_limb(&self) -> bool {
+        let is_usual = |of: &&[&str]| of[0] == self.usual.1;
+        self.usual.0.is_some() && SYNONYMS.iter().any(is_usual)
+    }
+
+    /// A name, and its words without the side.
+    fn new(name: &str) -> (Self, String) {
         let name = name.rsplit(':').next().unwrap_or(name);
         let mut words: Vec<String> = Vec::new();
         let mut before = ' ';
@@ -202,7 +245,8 @@ impl Name {
         let at = words.iter().find_map(|w| side(w));
         let joined: String = words.iter().filter(|w| side(w).is_none()).cloned().collect();
         let usual = SYNONYMS.iter().find(|s| at.is_some() && s.contains(&joined.as_str()));
-        Self { plain, usual: (at, usual.map_or(joined, |s| s[0].to_owned())) }
+        let usual = usual.map_or(joined.clone(), |s| s[0].to_owned());
+        (Self { plain, usual: (at, usual) }, joined)
     }
 }
 
@@ -243,15 +287,16 @@ fn facing(hips: &Point, skeleton: &Skeleton, matches: &[Option<usize>], rest: &[
 enum Bones {
     /// Of no length, or missing.
     None,
+    /// Their sum, if a joint of a limb branches: a wrist points where the fingers do.
     One(Vector, Vector),
-    /// The joint branches.
+    /// Another joint branches.
     Many,
 }
 
 fn bones(
     bvh: &Bvh,
     skeleton: &Skeleton,
-    matches: &[Option<usize>],
+    (matches, is_limb): (&[Option<usize>], bool),
     rest: &[Vector],
     j: usize,
 ) -> Bones {
@@ -272,18 +317,19 @@ fn bones(
     };
     let below =
         (j + 1..joints.len()).filter_map(|c| Some((c, matches[c]?))).filter(|(c, _)| is_below(*c));
-    let mut bones = below.map(|(c, m)| (joints[c].head - joints[j].head, rest[m] - rest[k]));
-    let Some((own, other)) = bones.next() else {
+    let bones: Vec<(Vector, Vector)> =
+        below.map(|(c, m)| (joints[c].head - joints[j].head, rest[m] - rest[k])).collect();
+    let (own, other) = if bones.is_empty() {
         let children = bvh.joints.iter().filter(|c| c.parent == Some(k)).map(|c| c.offset);
         let other: Vector = bvh.joints[k].end.into_iter().chain(children).sum();
-        let own = joints[j].tail - joints[j].head;
-        let is_bone = own.norm() > SHORT && other.norm() > 0.0;
-        return if is_bone { Bones::One(own, other) } else { Bones::None };
+        (joints[j].tail - joints[j].head, other)
+    } else {
+        bones.iter().fold(Default::default(), |(a, b): (Vector, Vector), (c, d)| (a + c, b + d))
     };
-    match bones.next() {
-        Some(_) => Bones::Many,
-        None if own.norm() > SHORT && other.norm() > 0.0 => Bones::One(own, other),
-        None => Bones::None,
+    match bones.len() {
+        2.. if !is_limb => Bones::Many,
+        _ if own.norm() > SHORT && other.norm() > 0.0 => Bones::One(own, other),
+        _ => Bones::None,
     }
 }
 

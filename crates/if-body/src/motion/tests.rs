@@ -245,6 +245,121 @@ fn bones_point_where_those_of_a_skeleton_with_another_rest_pose_point() {
     assert!(moved.angle_to(&quarter) < 1e-9, "{moved}");
 }
 
+/// A leg and an arm: names, parents, and where joints are.
+fn half(names: [&str; 10]) -> Vec<Joint> {
+    let places = [
+        [0.0, 1.0, 0.0],
+        [0.1, 0.95, 0.0],
+        [0.1, 0.5, 0.0],
+        [0.1, 0.08, 0.0],
+        [0.1, 0.02, 0.12],
+        [0.0, 1.2, 0.0],
+        [0.03, 1.4, 0.0],
+        [0.2, 1.42, 0.0],
+        [0.45, 1.42, 0.0],
+        [0.7, 1.42, 0.0],
+    ];
+    let joint = |(k, name): (usize, &str)| Joint {
+        name: name.into(),
+        parent: if k == 5 { Some(0) } else { k.checked_sub(1) },
+        head: places[k].into(),
+        tail: Point::from(places[k]) + Vector::new(0.1, 0.0, 0.0),
+    };
+    names.into_iter().enumerate().map(joint).collect()
+}
+
+const CMU: [&str; 10] = [
+    "Hips",
+    "LeftUpLeg",
+    "LeftLeg",
+    "LeftFoot",
+    "LeftToeBase",
+    "Spine",
+    "LeftShoulder",
+    "LeftArm",
+    "LeftForeArm",
+    "LeftHand",
+];
+const SMPL: [&str; 10] = [
+    "pelvis",
+    "left_hip",
+    "left_knee",
+    "left_ankle",
+    "left_foot",
+    "spine",
+    "left_collar",
+    "left_shoulder",
+    "left_elbow",
+    "left_wrist",
+];
+
+#[test]
+fn joints_are_named_by_several_conventions() {
+    let mut smpl = half(SMPL);
+    let palm = Joint { name: "left_hand".into(), parent: Some(9), ..smpl[9].clone() };
+    smpl.push(Joint { head: palm.head + Vector::new(0.08, 0.0, 0.0), ..palm });
+    let (cmu, smpl) = (Skeleton::new(half(CMU)).unwrap(), Skeleton::new(smpl).unwrap());
+    for (file, skeleton, missing) in [(&cmu, &smpl, vec!["left_hand"]), (&smpl, &cmu, vec![])] {
+        let mut raised = Pose::rest(file.len());
+        raised.rotations[7] = UnitQuaternion::from_euler_angles(0.0, 0.0, 1.0);
+        let motion = Motion::read(written(file, &[raised], 1.0).as_bytes(), skeleton).unwrap();
+        assert_eq!(motion.unmatched, missing);
+        for (turn, name) in motion.poses[0].rotations.iter().zip(skeleton.names()) {
+            let expected = if ["left_shoulder", "LeftArm"].contains(&name) { 1.0 } else { 0.0 };
+            assert!((turn.angle() - expected).abs() < 1e-6, "{name}: {}", turn.angle());
+        }
+    }
+}
+
+#[test]
+fn a_hand_with_fingers_goes_on_as_the_arm() {
+    let with_fingers = |names| {
+        let mut joints = half(names);
+        for (name, z) in [("LeftFingerBase", 0.0), ("LThumb", 0.03)] {
+            let head = joints[9].head + Vector::new(0.06, 0.0, z);
+            joints.push(Joint { name: name.into(), parent: Some(9), head, ..joints[9].clone() });
+        }
+        Skeleton::new(joints).unwrap()
+    };
+    let file = with_fingers(CMU);
+    // The same person with its arm down.
+    let mut down = Pose::rest(file.len());
+    down.rotations[7] = UnitQuaternion::from_euler_angles(0.0, 0.0, -0.8);
+    let frames = file.frames(&down).unwrap();
+    let lowered = |(j, joint): (usize, &Joint)| Joint {
+        head: frames[j].translation.vector.into(),
+        tail: frames[j] * Point::from(joint.tail - joint.head),
+        ..joint.clone()
+    };
+    let skeleton = Skeleton::new(file.joints().iter().enumerate().map(lowered).collect()).unwrap();
+    let text = written(&file, &[Pose::rest(file.len())], 1.0);
+    // Names may stand right before their braces.
+    let text = text.replace("LeftHand\n{", "LeftHand{").replace("End Site", "End site");
+    let motion = Motion::read(text.as_bytes(), &skeleton).unwrap();
+    let turns = &motion.poses[0].rotations;
+    assert!((turns[7].angle() - 0.8).abs() < 1e-6, "the arm is raised");
+    for j in [8, 9] {
+        assert!(turns[j].angle() < 1e-6, "joint {j} turns by {}", turns[j].angle());
+    }
+}
+
+#[test]
+fn handles_of_rigs_are_no_limbs() {
+    let skeleton = crate::mannequin::rig::skeleton();
+    let root = Joint { name: "root".into(), parent: None, ..skeleton.joints()[0].clone() };
+    let mut joints = vec![Joint { head: Point::origin(), tail: Point::new(0.0, 0.1, 0.0), ..root }];
+    let below = |j: &Joint| Joint { parent: Some(j.parent.map_or(0, |p| p + 1)), ..j.clone() };
+    joints.extend(skeleton.joints().iter().map(below));
+    let foot = joints.iter().position(|j| j.name == "left_foot").unwrap();
+    let head = Point::new(joints[foot].head.x, 0.0, joints[foot].head.z);
+    joints.push(Joint { name: "ik_foot_l".into(), parent: Some(0), head, ..joints[foot].clone() });
+    let rig = Skeleton::new(joints).unwrap();
+    let text = written(&rig, &[Pose::rest(rig.len())], 100.0);
+    let motion = Motion::read(text.as_bytes(), &rig).unwrap();
+    assert!(motion.poses[0].root_translation.norm() < 1e-9);
+    assert!(motion.poses[0].rotations.iter().all(|turn| turn.angle() < 1e-6));
+}
+
 #[test]
 fn invalid_bvh_files_are_errors_that_name_the_place() {
     let skeleton = crate::mannequin::rig::skeleton();
