@@ -172,6 +172,10 @@ pub(crate) fn animated(spec: &OutfitSpec, args: &Options) -> Result<End, Report>
             Ok(End::Cancelled)
         }
         AnimateError::Busy { path } => Err(OutputError::Busy { path }.into()),
+        AnimateError::Far { frame, distance } => {
+            let source = AnimateError::Far { frame: args.source.number(frame), distance };
+            Err(AnimateFault::Animate { source }.into())
+        }
         source => Err(AnimateFault::Animate { source }.into()),
     };
     let mut monitor = line;

@@ -17,4 +17,6 @@ mod lock;
 
 pub use file::{remove_partial, write_file};
 pub use file_set::{FileSet, FileSetError};
-pub use folders::{FolderWriter, PATIENCE, is_hidden, names, restore, temporary_folder};
+pub use folders::{
+    FolderShare, FolderWriter, PATIENCE, is_hidden, names, restore, temporary_folder,
+};

@@ -39,7 +39,7 @@ pub use report::{AnimationReport, FrameReport, Spread};
 
 use if_body::Motion;
 use if_core::monitor::Monitor;
-use if_mesh::atomic::FolderWriter;
+use if_mesh::atomic::{FolderShare, FolderWriter};
 use std::ops::Range;
 use std::path::Path;
 use std::time::Instant;
@@ -112,7 +112,7 @@ pub fn follow(
 ///
 /// # Errors
 ///
-/// As [`follow()`].
+/// As [`follow()`]; other parts may be computed in the folder at once.
 ///
 /// # Panics
 ///
@@ -125,5 +125,9 @@ pub fn follow_part(
     monitor: &mut dyn Monitor,
 ) -> Result<usize, AnimateError> {
     assert!(part.end <= movement.frames(), "{part:?} of {} frames", movement.frames());
+    // Who collects all frames removes what parts need.
+    let _share = FolderShare::open(folder)
+        .map_err(|source| AnimateError::Io { path: folder.into(), source })?
+        .ok_or_else(|| AnimateError::Busy { path: folder.into() })?;
     Work::open(movement, params, folder)?.frames(part, monitor)
 }

@@ -1,6 +1,6 @@
 //! Folders that appear whole or not at all, and files that appear in a folder together.
 
-use super::lock::{LOCK, lock};
+use super::lock::{LOCK, lock, share};
 use std::fs::{self, File, OpenOptions};
 use std::io;
 use std::path::{Path, PathBuf};
@@ -167,6 +167,21 @@ impl Drop for FolderWriter {
         for folder in &self.made {
             let _ = fs::remove_dir(folder);
         }
+    }
+}
+
+/// Keeps a [`FolderWriter`] out of a folder while it is held, by any number of processes.
+#[derive(Debug)]
+pub struct FolderShare(#[expect(dead_code, reason = "held")] File);
+
+impl FolderShare {
+    /// Creates the folder if it is missing, and shares its lock; `None` if a writer holds it.
+    ///
+    /// # Errors
+    ///
+    /// What the system returns for the folder.
+    pub fn open(parent: &Path) -> io::Result<Option<Self>> {
+        Ok(share(parent)?.map(Self))
     }
 }
 
@@ -405,6 +420,22 @@ mod tests {
             Err::<((), _), _>(io::Error::from(io::ErrorKind::StorageFull))
         });
         assert!(fault.is_err() && out.join("y").exists());
+    }
+
+    #[test]
+    fn several_share_a_folder_and_keep_its_writer_out() {
+        let root = tempfile::tempdir().unwrap();
+        let open = || FolderWriter::open(root.path()).unwrap();
+        let first = FolderShare::open(root.path()).unwrap().unwrap();
+        let second = FolderShare::open(root.path()).unwrap().unwrap();
+        assert!(open().is_none());
+        drop(first);
+        assert!(open().is_none());
+        drop(second);
+        let writer = open().unwrap();
+        assert!(FolderShare::open(root.path()).unwrap().is_none());
+        drop(writer);
+        assert!(FolderShare::open(root.path()).unwrap().is_some());
     }
 
     /// Without the look whether the locked file still has its name, two of them hold a lock at once

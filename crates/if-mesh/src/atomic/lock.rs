@@ -18,6 +18,19 @@ const TRIES: usize = 100;
 ///
 /// An error of the file system.
 pub(super) fn lock(parent: &Path) -> io::Result<Option<File>> {
+    lock_by(parent, File::try_lock)
+}
+
+/// The same together with others that share it; `None` if another process holds it for itself. Nobody
+/// who shares may delete it.
+pub(super) fn share(parent: &Path) -> io::Result<Option<File>> {
+    lock_by(parent, File::try_lock_shared)
+}
+
+fn lock_by(
+    parent: &Path,
+    try_lock: fn(&File) -> Result<(), TryLockError>,
+) -> io::Result<Option<File>> {
     let path = parent.join(LOCK);
     let mut tries = 0..TRIES;
     loop {
@@ -27,7 +40,7 @@ pub(super) fn lock(parent: &Path) -> io::Result<Option<File>> {
             Err(e) if e.kind() == io::ErrorKind::NotFound && tries.next().is_some() => continue,
             file => file?,
         };
-        match file.try_lock() {
+        match try_lock(&file) {
             Err(TryLockError::WouldBlock) => return Ok(None),
             // Without locks in the file system, exclusion cannot be checked.
             Err(TryLockError::Error(e)) if e.kind() != io::ErrorKind::Unsupported => return Err(e),

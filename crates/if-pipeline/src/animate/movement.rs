@@ -260,6 +260,7 @@ impl<'a> Movement<'a> {
         };
         for layer in self.outfit().layers() {
             let mesh = &layer.mesh;
+            add(json!({ "layer": layer.name }).to_string().as_bytes()); // rows name it
             numbers(add, &mut std::iter::once(mesh.vertices().len() as Real));
             numbers(add, &mut mesh.vertices().iter().flat_map(|p| [p.x, p.y, p.z]));
             numbers(add, &mut mesh.triangles().iter().flatten().map(|v| Real::from(*v)));

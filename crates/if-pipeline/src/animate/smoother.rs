@@ -41,7 +41,7 @@ pub(super) struct Smoother<'a> {
     /// Displacements u of walked frames; none of one whose pose was not reached.
     walked: BTreeMap<usize, Option<Vec<Local>>>,
     /// Frames that went to the mean of their neighbours.
-    means: BTreeMap<usize, Mean>,
+    means: BTreeMap<usize, Option<Mean>>,
 }
 
 /// A displacement in the frame of the rest pose, as many are kept: in single precision, in metres.
@@ -80,18 +80,26 @@ impl<'a> Smoother<'a> {
         for frame in window {
             if !self.means.contains_key(&frame) {
                 let (row, positions) = means.written(frame)?;
-                self.read_window(frame, walked)?;
-                if let Some(mean) = self.average(frame) {
-                    let (maps, target) = self.target(frame)?;
-                    let local = maps.local(&target, &positions);
-                    let added = local.iter().zip(&mean).map(|(v, mean)| v - mean).collect();
-                    let (local, added) = (stored(local), stored(added));
-                    let is_walked = !row.smoothed;
-                    self.means.insert(frame, Mean { positions, is_walked, local, added });
-                }
+                let mean = if row.reached {
+                    self.read_window(frame, walked)?;
+                    self.average(frame)
+                } else {
+                    None
+                };
+                let mean = match mean {
+                    Some(mean) => {
+                        let (maps, target) = self.target(frame)?;
+                        let local = maps.local(&target, &positions);
+                        let added = local.iter().zip(&mean).map(|(v, mean)| v - mean).collect();
+                        let (local, added) = (stored(local), stored(added));
+                        Some(Mean { positions, is_walked: !row.smoothed, local, added })
+                    }
+                    None => None,
+                };
+                self.means.insert(frame, mean);
             }
         }
-        let Some(mean) = self.means.get(&k) else { return Ok(Vec::new()) };
+        let Some(Some(mean)) = self.means.get(&k) else { return Ok(Vec::new()) };
         let to = self.prepared(k, mean);
         let (from, moves) = (mean.positions.clone(), differ(&to, &mean.local));
         let is_walked = mean.is_walked;
@@ -183,6 +191,7 @@ impl<'a> Smoother<'a> {
     fn prepared(&self, k: usize, mean: &Mean) -> Vec<Vector> {
         let mut sums = vec![(Vector::zeros(), 0.0); mean.local.len()];
         for (frame, other) in self.means.range(window(self.movement, k, self.radius)) {
+            let Some(other) = other else { continue };
             let weight = self.weight(k, *frame);
             for ((sum, whole), added) in sums.iter_mut().zip(&other.added) {
                 let added = added.cast::<Real>() * weight;
