@@ -115,6 +115,48 @@ fn a_body_of_another_topology_is_registered() {
 }
 
 #[test]
+fn seams_of_a_body_change_no_registration() {
+    let from = body(&COARSE);
+    let to = other(&body(&MannequinParams { resolution: 0.9, ..COARSE }));
+    let corners = from.triangles().as_flattened().iter();
+    let corners: Vec<Point> = corners.map(|v| from.vertices()[*v as usize]).collect();
+    let own = (0..corners.len() as u32 / 3).map(|t| [3 * t, 3 * t + 1, 3 * t + 2]).collect();
+    let soup = TriMesh::new(corners, own).unwrap();
+    let mesh = garment(Garment::Tshirt, &COARSE);
+    let aligned = |from: &TriMesh| {
+        let map = BodyMap::new(&shape(from), &shape(&to), &AlignParams::default()).unwrap();
+        assert_eq!(map.method(), Method::Registered);
+        map.align(&mesh, None).unwrap()
+    };
+    let off = displacement(aligned(&from).vertices(), aligned(&soup).vertices());
+    assert!(off.max < 1e-3, "{off:?}");
+}
+
+#[test]
+fn a_bone_of_no_length_moves_as_the_body_does() {
+    use crate::mannequin::rig;
+    let from = body(&COARSE);
+    let to = other(&from);
+    let skin = rig::skin_weights(from.vertices());
+    let skeleton = rig::skeleton();
+    let without_tails = |j: &crate::Joint| crate::Joint {
+        tail: if j.name.ends_with("forearm") { j.head } else { j.tail },
+        ..j.clone()
+    };
+    let bare = skeleton.joints().iter().map(without_tails).collect();
+    let bare = crate::Skeleton::new(bare).unwrap();
+    let with = |skeleton| BodyShape { skin: Some(&skin), skeleton: Some(skeleton), ..shape(&from) };
+    let target = BodyShape { skeleton: Some(&bare), ..shape(&to) };
+    let like = similarity::Similarity::between(&with(&skeleton), &target).unwrap();
+    let start = similarity::start(&with(&skeleton), &target, &like);
+    let spread = |points: &[Point]| {
+        let hand = from.vertices().iter().zip(points).filter(|(p, _)| p.x > 0.6);
+        if_core::aabb::Aabb::from_points(hand.map(|(_, q)| q)).size().norm()
+    };
+    assert!(spread(&start) > 0.5 * spread(from.vertices()), "{}", spread(&start));
+}
+
+#[test]
 fn without_a_good_registration_a_similarity_is_used() {
     let from = body(&COARSE);
     // A ball of the same height.

@@ -309,6 +309,17 @@ mod tests {
     }
 
     #[test]
+    fn a_body_that_is_inside_out_gives_the_same_weights() {
+        let (body, skin, trousers, joints) = scene();
+        let turned = body.triangles().iter().map(|[a, b, c]| [*a, *c, *b]).collect();
+        let turned = TriMesh::new(body.vertices().to_vec(), turned).unwrap();
+        let [a, b] = [&body, &turned]
+            .map(|body| transferred_weights(body, &skin, &trousers, joints).unwrap());
+        let (a, b) = (mixed(&trousers, &a), mixed(&trousers, &b));
+        assert!((a.0 - b.0).abs() < 1e-3 && (a.1 - b.1).abs() < 0.02, "{a:?} {b:?}");
+    }
+
+    #[test]
     fn far_cloth_has_weights_between_those_of_its_near_parts() {
         // A flat body of two joints, and a sheet that hangs over its edge, half a metre far.
         let grid = |n: usize, m: usize, at: &dyn Fn(Real, Real) -> Point| {

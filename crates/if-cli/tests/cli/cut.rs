@@ -79,6 +79,28 @@ fn cut_writes_one_mesh_for_each_label_with_attributes_and_a_table() {
     assert_eq!(files.len(), 2, "{files:?}");
 }
 
+/// Triangles with vertices of their own, labels on one half alone.
+#[test]
+fn seams_do_not_part_labels() {
+    let folder = Folder::new();
+    let whole = tube(0.2, 1.0, 32, 40, true);
+    let corners: Vec<_> =
+        whole.triangles().as_flattened().iter().map(|v| whole.vertices()[*v as usize]).collect();
+    let own = (0..corners.len() as u32 / 3).map(|t| [3 * t, 3 * t + 1, 3 * t + 2]).collect();
+    let label = |p: &if_core::math::Point| if p.x > 0.0 { 2 + u8::from(p.y > 0.4) } else { 0 };
+    let labels = corners.iter().map(label).collect();
+    let mut ply = PlyMesh::new(TriMesh::new(corners, own).unwrap());
+    ply.vertex_properties = vec![Property::new("label", Column::U8(labels))];
+    let mut bytes = Vec::new();
+    write(&ply, ply.mesh.vertices(), &WriteParams::default(), &mut bytes).unwrap();
+    folder.write("soup.ply", bytes);
+    folder.ifg("cut soup.ply --out pieces --name 2=trousers --name 3=shirt").expect(0);
+    let areas = ["trousers", "shirt"]
+        .map(|name| read_bytes(&folder.read(&format!("pieces/{name}.ply"))).unwrap().mesh.area());
+    let (sum, all) = (areas[0] + areas[1], whole.area());
+    assert!(sum > 0.9 * all, "{areas:?} of {all}: the other half takes the labels beside it");
+}
+
 #[test]
 fn large_labels_are_cut_as_small_ones_are() {
     let folder = Folder::new();

@@ -460,6 +460,25 @@ fn a_body_may_be_an_obj_file() {
 }
 
 #[test]
+fn inputs_are_not_replaced() {
+    let folder = Folder::new();
+    for (part, name) in [("garments", "skirt.ply"), ("bodies", "body.ply")] {
+        let stem = name.strip_suffix(".ply").unwrap();
+        std::fs::create_dir_all(folder.path(&format!("w/{part}/{stem}"))).unwrap();
+        folder.write(&format!("w/{part}/{stem}/scan.ply"), folder.read(name));
+    }
+    let body = "wardrobe add w --body body --mesh w/bodies/body/scan.ply";
+    let run = folder.ifg(body).expect(2);
+    assert!(run.stderr.contains("w/bodies/body") && run.stderr.contains("in it"), "{}", run.stderr);
+    folder.ifg("wardrobe add w --body anna --mesh body.ply").expect(0);
+    let run = folder.ifg("wardrobe add w --body anna skirt.ply").expect(2);
+    assert!(run.stderr.contains("would be replaced"), "{}", run.stderr);
+    assert!(!folder.read("w/garments/skirt/scan.ply").is_empty());
+    // What a wardrobe has itself gets its name again.
+    folder.ifg("wardrobe add w --body anna --mesh w/bodies/anna/body.ply").expect(0);
+}
+
+#[test]
 fn files_may_be_in_centimetres() {
     let folder = Folder::new();
     std::fs::create_dir(folder.path("cm")).unwrap();

@@ -132,6 +132,58 @@ fn a_damaged_body_is_not_replaced_by_another_of_its_name() {
 }
 
 #[test]
+fn folders_of_the_user_are_not_replaced() {
+    let root = tempfile::tempdir().unwrap();
+    let mut wardrobe = filled(root.path());
+    let mine = ["garments/scarf/notes.txt", "bodies/anna/notes.txt", "out/shards/data/deep/data"]
+        .map(|file| root.path().join(file));
+    for file in &mine {
+        fs::create_dir_all(file.parent().unwrap()).unwrap();
+        fs::write(file, "mine").unwrap();
+    }
+    let (mesh, slim) = (garment(Garment::Skirt, &COARSE), root.path().join("files/slim.ply"));
+    let body = wardrobe.body_info("slim").unwrap().reference();
+    let scarf = wardrobe.add(&parts("scarf", &mesh, &body, &Provenance::default())).map(drop);
+    let anna = wardrobe.add_body(&NewBody::new("anna", &slim)).map(drop);
+    for fault in [scarf, anna] {
+        assert!(matches!(fault, Err(WardrobeError::InTheWay { .. })), "{fault:?}");
+    }
+    // A part of a batch, with a file of the user's, too.
+    let dresser = Dresser::new(&wardrobe, Default::default());
+    let run = |out: &Path| {
+        let params = MatchParams { picture_height: 0, ..Default::default() };
+        let list = [on("slim", &["tshirt"])];
+        batch::run(out, &dresser, &list, &params, &BatchParams::default(), &keep_on).unwrap()
+    };
+    let out = root.path().join("out");
+    let shard = batch::shard_folder(&out, "1-of-1");
+    run(&shard).unwrap();
+    fs::write(shard.join("notes.txt"), "mine").unwrap();
+    let summary = run(&out).unwrap();
+    assert!(out.join("results").join(&summary.entries[0].folder).join("tshirt.ply").exists());
+    assert_eq!(atomic::names(&shard).unwrap(), [""; 0], "the results are those of the whole");
+    for file in mine.iter().chain([&shard.join("notes.txt")]) {
+        assert_eq!(fs::read(file).unwrap(), b"mine");
+    }
+}
+
+#[test]
+fn seams_are_no_openings_of_a_garment() {
+    let root = tempfile::tempdir().unwrap();
+    let mut wardrobe = filled(root.path());
+    let skirt = garment(Garment::Skirt, &COARSE);
+    // Each triangle with vertices of its own.
+    let all = skirt.triangles().as_flattened().iter();
+    let corners: Vec<Point> = all.map(|v| skirt.vertices()[*v as usize]).collect();
+    let own = (0..corners.len() as u32 / 3).map(|t| [3 * t, 3 * t + 1, 3 * t + 2]).collect();
+    let soup = TriMesh::new(corners, own).unwrap();
+    let body = wardrobe.body_info("slim").unwrap().reference();
+    wardrobe.add(&parts("soup", &soup, &body, &Provenance::default())).unwrap();
+    let openings = |name: &str| wardrobe.garments()[name].openings.len();
+    assert_eq!((openings("soup"), openings("skirt")), (2, 2));
+}
+
+#[test]
 fn a_body_that_is_added_again_keeps_what_it_has() {
     use if_body::{Joint, Skeleton};
     let root = tempfile::tempdir().unwrap();
