@@ -32,8 +32,8 @@ pub(crate) fn resolved(report: &ResolveReport, colour: bool) -> String {
             count(after)
         );
     }
-    for layer in &report.layers {
-        text += &kept_own_pairs(layer);
+    for (layer, all) in report.layers.iter().zip(&after.own_pairs) {
+        text += &kept_own_pairs(layer, *all);
     }
     for layer in report.layers.iter().filter(|l| l.eased[0] > 0.0) {
         let [before, after] = layer.eased.map(|s| 100.0 * s);
@@ -54,8 +54,9 @@ pub(crate) fn resolved(report: &ResolveReport, colour: bool) -> String {
     text + &least_distances(report)
 }
 
-/// The own pairs that a garment keeps, one line for each reason; empty if it keeps none.
-fn kept_own_pairs(layer: &LayerReport) -> String {
+/// The own pairs that a garment keeps, one line for each reason; empty if it keeps none. Of `all` the
+/// first are named.
+fn kept_own_pairs(layer: &LayerReport, all: usize) -> String {
     /// More pairs than these do not help a person.
     const SHOWN: usize = 4;
     let reasons = [
@@ -65,6 +66,11 @@ fn kept_own_pairs(layer: &LayerReport) -> String {
         (KeptReason::Layers, "they came back between the layers"),
     ];
     let mut text = String::new();
+    let named = layer.kept_own_pairs.len();
+    let of = match named < all {
+        true => format!(" (of the first {named} of {})", count(all)),
+        false => String::new(),
+    };
     for (reason, why) in reasons {
         let pairs: Vec<_> = layer.kept_own_pairs.iter().filter(|k| k.reason == reason).collect();
         let shown: Vec<String> =
@@ -72,7 +78,8 @@ fn kept_own_pairs(layer: &LayerReport) -> String {
         if !pairs.is_empty() {
             let more = if pairs.len() > SHOWN { " ..." } else { "" };
             let (n, shown) = (count(pairs.len()), shown.join(" "));
-            let _ = writeln!(text, "{} keeps {n} own pairs: {why}:\n  {shown}{more}", layer.name);
+            let _ =
+                writeln!(text, "{} keeps {n} own pairs{of}: {why}:\n  {shown}{more}", layer.name);
         }
     }
     text

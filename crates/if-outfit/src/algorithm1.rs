@@ -32,6 +32,8 @@ use if_xpbd::report::RunError;
 const CELL: Real = 5e-3;
 /// Cells in the garment's box, at most. They take less than half of the memory that baking may use.
 const MOST_CELLS: Real = 8e6;
+/// By how much cells grow where they take too much memory.
+const COARSER: Real = 1.25;
 /// How far beyond the garment's box the field is baked, in metres: no vertex is pushed further.
 const AROUND: Real = 0.03;
 
@@ -94,11 +96,16 @@ fn baked(
     monitor: &mut dyn Monitor,
 ) -> Result<Baked, SettleError> {
     let region = garment.surface_aabb().inflated(AROUND);
-    let cell = CELL.max((region.size().product() / MOST_CELLS).cbrt());
-    match ClothedField::new(below.to_vec()).baked(&region, cell, monitor) {
-        Ok(field) => Ok(field),
-        Err(BakeError::Cancelled(cancelled)) => Err(SettleError::Cancelled(cancelled)),
-        Err(error) => unreachable!("a finite field in a bounded region: {error}"),
+    let mut cell = CELL.max((region.size().product() / MOST_CELLS).cbrt());
+    let field = ClothedField::new(below.to_vec());
+    loop {
+        match field.baked(&region, cell, monitor) {
+            Ok(field) => return Ok(field),
+            // Of a wide flat cloth most cells lie beside its box.
+            Err(BakeError::TooLarge { .. }) => cell *= COARSER,
+            Err(BakeError::Cancelled(cancelled)) => return Err(SettleError::Cancelled(cancelled)),
+            Err(error) => unreachable!("a finite field in a bounded region: {error}"),
+        }
     }
 }
 

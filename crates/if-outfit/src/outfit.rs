@@ -154,17 +154,17 @@ impl Outfit {
     ///
     /// As [`Outfit::new`].
     pub fn check(&self) -> Result<(), OutfitError> {
-        if let Some(layer) = self.layers().find(|layer| layer.mesh.triangles().is_empty()) {
-            return Err(OutfitError::Empty { layer: layer.name.clone() });
-        }
-        if let Some(garment) = self.garments.iter().find(|g| g.mesh == self.body.mesh) {
-            return Err(OutfitError::IsBody { layer: garment.name.clone() });
-        }
         let mut names = std::collections::BTreeSet::new();
         for layer in self.layers() {
             if !names.insert(&layer.name) {
                 return Err(OutfitError::DuplicateName { layer: layer.name.clone() });
             }
+        }
+        if let Some(layer) = self.layers().find(|layer| layer.mesh.triangles().is_empty()) {
+            return Err(OutfitError::Empty { layer: layer.name.clone() });
+        }
+        if let Some(garment) = self.garments.iter().find(|g| g.mesh == self.body.mesh) {
+            return Err(OutfitError::IsBody { layer: garment.name.clone() });
         }
         let body = &self.body;
         let name = || body.name.clone();
@@ -226,7 +226,7 @@ fn suspicious_unit(height: Real) -> Option<(&'static str, Real)> {
         h if h < 4e-3 => Some(("kilometres", 1e3)),
         h if h < 0.1 => Some(("metres divided by 100", 1e2)),
         h if h > 500.0 => Some(("millimetres", 1e-3)),
-        h if h > 40.0 => Some(("centimetres", 1e-2)),
+        h if h > 90.0 => Some(("centimetres", 1e-2)),
         h if h > 20.0 => Some(("inches", 0.0254)),
         _ => None,
     }

@@ -176,7 +176,7 @@ impl GoalParams {
         let (gap, tuck) = (self.clearance, self.tuck_distance);
         check("clearance", gap, gap > 0.0 && gap < 0.1, "above 0 and below 0.1 m")?;
         let least = self.least_distance;
-        check("least_distance", least, (0.0..0.1).contains(&least), "from 0 and below 0.1 m")?;
+        check("least_distance", least, (0.0..=0.02).contains(&least), "from 0 to 0.02 m")?;
         check("tuck_distance", tuck, tuck > 0.0 && tuck < 0.5, "above 0 and below 0.5 m")?;
         let depth = self.body_depth;
         check("body_depth", depth, depth > 0.0 && depth <= 0.1, "above 0 and at most 0.1 m")

@@ -7,6 +7,7 @@ use crate::report::{DrawnBackReport, Extent, PinchReport};
 use if_core::closest::ClosestPoint;
 use if_core::math::{Point, Real, area_vector};
 use if_core::mesh::TriMesh;
+use if_mesh::body_surface::turned_outwards;
 use if_mesh::index::Bvh;
 use if_mesh::intersections::pairs;
 use if_mesh::measure::displacement;
@@ -45,7 +46,8 @@ pub(crate) fn in_pinches(
     goal: &GoalParams,
 ) -> Option<PinchReport> {
     let needed = room(outfit.garments.len(), SHEET * goal.clearance);
-    let pinched = pinched(&outfit.body.mesh, needed);
+    let turned = turned_outwards(&outfit.body.mesh);
+    let pinched = pinched(turned.as_ref().unwrap_or(&outfit.body.mesh), needed);
     if !pinched.contains(&true) {
         return None;
     }
@@ -140,6 +142,13 @@ mod tests {
         let given = in_pinches(&outfit, &closed, &GoalParams::default()).unwrap();
         assert!(given.inside > 0 && given.inside <= result.report.before.total_inside());
         assert_eq!(pinch.garments[0].name, "sheet");
+        // Also of a body that is inside out.
+        let body = &outfit.body.mesh;
+        let turned = body.triangles().iter().map(|[a, b, c]| [*a, *c, *b]).collect();
+        let mut turned_body = result.outfit.clone();
+        turned_body.body.mesh = TriMesh::new(body.vertices().to_vec(), turned).unwrap();
+        let found = in_pinches(&turned_body, &ClosedLayer::body(body), &GoalParams::default());
+        assert_eq!(found.unwrap().body_faces, pinch.body_faces);
         assert!(!pinch.garments[0].faces.is_empty() && pinch.body_faces > 10);
 
         let resolved = resolve(&outfit, &params(Pinch::Yield), &mut Silent).unwrap();

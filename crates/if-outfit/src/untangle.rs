@@ -46,6 +46,9 @@ const TRIES: usize = 12;
 /// Maximum work for a garment, in rounds times free vertices: bounds the time for garments that are
 /// tangled all over, a second or two. The garments of the test data take less than half of it.
 const WORK: usize = 300_000;
+/// Maximum vertices of a garment times groups of contours: bounds the time for those with very many, as of
+/// sequins, to some ten seconds. The garments of the test data take a hundredth of it.
+const VISITS: usize = 100_000_000;
 /// Other ways that are tried for each contour of a patch that is clean, but strained.
 const OTHERS: usize = 3;
 /// Largest share of a garment that counts as cut off by a contour.
@@ -81,7 +84,7 @@ pub(crate) fn untangle(
     let (mut tree, fans) = (Bvh::new(&mesh), Fans::new(&mesh));
     let mut found = own_pairs_with(&mesh, &tree, &fans);
     let mut pairs = triangles_of(&found);
-    let (given, mut rounds, mut work) = (pairs.len(), 0, WORK);
+    let (given, mut rounds, mut work, mut visits) = (pairs.len(), 0, WORK, VISITS);
     for reach in REACHES.map(|r| r * params.effort.repair_influence) {
         if pairs.is_empty() {
             break;
@@ -89,6 +92,8 @@ pub(crate) fn untangle(
         let contours = Contour::all(&mesh, &edges, &pairs);
         for sources in groups(&mesh, &contours, &neighbours, reach) {
             report(pairs.len())?;
+            let Some(rest) = visits.checked_sub(mesh.vertices().len()) else { break };
+            visits = rest;
             let near = (&neighbours, &tree);
             let patch = Patch::new(garment, mesh.vertices(), &sources, reach, near, params);
             let start = patch.positions(mesh.vertices());
