@@ -32,8 +32,8 @@ pub(crate) fn resolved(report: &ResolveReport, colour: bool) -> String {
             count(after)
         );
     }
-    for (layer, all) in report.layers.iter().zip(&after.own_pairs) {
-        text += &kept_own_pairs(layer, *all);
+    for layer in &report.layers {
+        text += &kept_own_pairs(layer);
     }
     for layer in report.layers.iter().filter(|l| l.eased[0] > 0.0) {
         let [before, after] = layer.eased.map(|s| 100.0 * s);
@@ -54,9 +54,9 @@ pub(crate) fn resolved(report: &ResolveReport, colour: bool) -> String {
     text + &least_distances(report)
 }
 
-/// The own pairs that a garment keeps, one line for each reason; empty if it keeps none. Of `all` the
-/// first are named.
-fn kept_own_pairs(layer: &LayerReport, all: usize) -> String {
+/// The own pairs that a garment keeps, one line for each reason; empty if it keeps none. Of very many
+/// the first are named.
+fn kept_own_pairs(layer: &LayerReport) -> String {
     /// More pairs than these do not help a person.
     const SHOWN: usize = 4;
     let reasons = [
@@ -66,7 +66,7 @@ fn kept_own_pairs(layer: &LayerReport, all: usize) -> String {
         (KeptReason::Layers, "they came back between the layers"),
     ];
     let mut text = String::new();
-    let named = layer.kept_own_pairs.len();
+    let (all, named) = (layer.own_pairs.after, layer.kept_own_pairs.len());
     let of = match named < all {
         true => format!(" (of the first {named} of {})", count(all)),
         false => String::new(),
@@ -488,7 +488,7 @@ mod tests {
             layer.name = name.into();
             layer.moved = Displacement { mean: 0.001234, p95: 0.0123, max: 0.1234, vertices: 5 };
             layer.strain = Strain { rms: 0.0123, p99: 0.0456, max: 0.4 };
-            layer.own_pairs = OwnPairs::new(21, 21, 0);
+            layer.own_pairs = OwnPairs::new(21, 5, 0);
             (layer.rounds, layer.repairs, layer.sweeps, layer.queries) = (40, 12, 1000, 100_000);
             (layer.tucked, layer.eased) = ([120, 3], [4.0, 0.75]);
             let reason = KeptReason::Layers;

@@ -22,8 +22,9 @@ pub struct ResolveParams {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct GoalParams {
-    /// Gap between a layer and those below it, in metres: kept at vertices and long edges, while
-    /// triangles between them may come nearer.
+    /// Gap between a layer and those below it, in metres: what settling aims at for vertices and long
+    /// edges, while triangles between them may come nearer. A garment has settled once it is clean and
+    /// little strained, so that of a gap of many millimetres less than half may be reached.
     pub clearance: Real,
     /// Layers of a clean result that come nearer than this are moved apart until no two triangles of
     /// theirs do, as far as there is room, in metres; a garment opens to itself, too, up to 0.1 mm.
