@@ -21,7 +21,8 @@ pub(super) struct Retargeted {
 ///
 /// With B the rotation of a joint of the file in the world, the skeleton's joint has W = B A there,
 /// where A turns its bone in the rest pose to that of the file: by quarter turns about y to the side
-/// that the person faces, then the shortest way. Joints that the file lacks follow their parents.
+/// that the person faces, then the shortest way; of a hand as its arm, then the shortest way to its
+/// fingers. Joints that the file lacks follow their parents.
 /// Translations are those of the [hips](hips), scaled by their heights; joints above them stay as they
 /// are. The first frame is above the origin; the floor of the file, y = 0, is that of the body where its
 /// feet are near that, else its lowest joint.
@@ -49,11 +50,11 @@ pub(super) fn retarget(bvh: &Bvh, skeleton: &Skeleton) -> Result<Retargeted, Bvh
     for (j, joint) in joints.iter().enumerate() {
         let inherited = joint.parent.map_or(facing, |p| align[p]);
         align.push(match bones(bvh, skeleton, (&matches, is_limb[j]), &rest, j) {
-            Bones::One(own, other) => {
-                let own = facing * own;
-                // Opposite bones have no shortest way.
-                Turn::rotation_between(&own, &other).map_or(inherited, |swing| swing * facing)
-            }
+            // Opposite bones have no shortest way.
+            Bones::One(own, other) => Turn::rotation_between(&(facing * own), &other)
+                .map_or(inherited, |swing| swing * facing),
+            Bones::Fan(own, other) => Turn::rotation_between(&(inherited * own), &other)
+                .map_or(inherited, |swing| swing * inherited),
             Bones::Many => facing,
             Bones::None => inherited,
         });
@@ -287,8 +288,10 @@ fn facing(hips: &Point, skeleton: &Skeleton, matches: &[Option<usize>], rest: &[
 enum Bones {
     /// Of no length, or missing.
     None,
-    /// Their sum, if a joint of a limb branches: a wrist points where the fingers do.
     One(Vector, Vector),
+    /// The sum of those of a joint of a limb that branches: a hand goes on from the arm to where the
+    /// fingers point.
+    Fan(Vector, Vector),
     /// Another joint branches.
     Many,
 }
@@ -326,10 +329,12 @@ fn bones(
     } else {
         bones.iter().fold(Default::default(), |(a, b): (Vector, Vector), (c, d)| (a + c, b + d))
     };
+    let is_bone = own.norm() > SHORT && other.norm() > 0.0;
     match bones.len() {
         2.. if !is_limb => Bones::Many,
-        _ if own.norm() > SHORT && other.norm() > 0.0 => Bones::One(own, other),
-        _ => Bones::None,
+        _ if !is_bone => Bones::None,
+        2.. => Bones::Fan(own, other),
+        _ => Bones::One(own, other),
     }
 }
 
