@@ -107,13 +107,16 @@ impl BodyFiles {
         let skeleton = |path: &Path| {
             Ok::<_, WardrobeError>(Source::new(path, skeleton_bytes(path, new.scale)?))
         };
-        let skeleton = new.skeleton.map(skeleton).transpose()?;
-        let joints = skeleton.as_ref().map(read_skeleton).transpose()?;
+        // Its faults are told after those of the mesh.
+        let skeleton = new.skeleton.map(skeleton).transpose();
+        let joints = skeleton.as_ref().ok().and_then(Option::as_ref);
+        let joints = joints.and_then(|source| read_skeleton(source).ok());
         let mesh = |path: &Path| {
             let bytes = ply_bytes(path, new.scale, joints.as_ref())?;
             Ok::<_, WardrobeError>(Source::new(path, bytes))
         };
-        Ok(Self { mesh: mesh(new.mesh)?, template: new.template.map(mesh).transpose()?, skeleton })
+        let (mesh, template) = (mesh(new.mesh)?, new.template.map(mesh).transpose()?);
+        Ok(Self { mesh, template, skeleton: skeleton? })
     }
 
     /// Whether `body` has this mesh.
