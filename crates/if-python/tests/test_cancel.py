@@ -2,9 +2,12 @@
 
 import os
 import signal
+import subprocess
+import sys
 import tempfile
 import threading
 import time
+from functools import partial
 
 import numpy as np
 import pytest
@@ -85,6 +88,18 @@ def test_ctrl_c_ends_a_long_call_soon(with_progress, interruptible):
         ifgarments.resolve(body, layers, progress=(lambda _: None) if with_progress else None)
     # 0.3 s on a quiet machine; this one may be busy.
     assert time.perf_counter() - sent[0] < 1.5
+
+
+@pytest.mark.skipif(os.name != "posix", reason="signals are sent")
+def test_ctrl_c_ends_the_command_with_its_code(tmp_path):
+    command = [sys.executable, "-m", "ifgarments", "demo", "--out", str(tmp_path / "demo")]
+    listens = partial(signal.signal, signal.SIGINT, signal.SIG_DFL)  # also as a background job
+    work = subprocess.Popen(command, stderr=subprocess.PIPE, text=True, preexec_fn=listens)
+    while not (tmp_path / "demo/input").is_dir() and work.poll() is None:
+        time.sleep(0.01)
+    work.send_signal(signal.SIGINT)
+    _, said = work.communicate(timeout=60)
+    assert work.returncode == 130 and "cancelled" in said and "Traceback" not in said, said
 
 
 @pytest.mark.skipif(not os.path.isdir("/proc/self/task"), reason="threads are listed there")

@@ -53,6 +53,9 @@ def test_meshio_keeps_data_and_precision(body, belt):
     assert np.array_equal(found.point_data["label"], mesh.point_data["label"])
     again = ifgarments.resolve(body, [(v, f)]).layers[0][0]
     assert np.array_equal(found.points, again) and np.array_equal(mesh.points, v)
+    cells = [("triangle", part.astype(np.uint64)) for part in (f[:100], f[100:])]
+    unsigned = ifgarments.resolve(body, [meshio.Mesh(v, cells)]).layers[0]
+    assert np.array_equal(unsigned.points, again)
     quads = meshio.Mesh(v, [("quad", np.array([[0, 1, 2, 3]]))])
     with pytest.raises(ValueError, match=r"layers\[0\]: cells are of type 'quad'; triangulate"):
         ifgarments.resolve(body, [quads])

@@ -224,6 +224,20 @@ def test_a_batch_whose_worker_is_killed_goes_on(folder, tmp_path, monkeypatch):
     assert killed.exists() and [e["state"] for e in entries] == ["clean"] * 4 + ["failed"]
 
 
+def test_a_batch_that_is_told_to_stop_begins_no_more_parts(folder, tmp_path):
+    class Enough(Exception):
+        pass
+
+    def enough(*_):
+        raise Enough
+
+    many = [("ball", ["skirt"])] * 12
+    with pytest.raises(Enough):
+        batch.run(folder, many, tmp_path / "out", workers=1, size=1, progress=enough)
+    # One is done, and some were on their way to the worker.
+    assert len(list((tmp_path / "out/shards").iterdir())) < 6
+
+
 def _killed_once(mark, part):
     """In a worker: the second part kills it, once."""
     if part[0] == "00000002" and not os.path.exists(mark):
