@@ -62,16 +62,19 @@ impl UnresolvedOutfit {
     }
 }
 
-/// Which triangles to look at; empty if none is named.
+/// Where to look, and at which triangles; empty if none is named.
 fn advice(unresolved: &Unresolved) -> String {
     /// More pairs than these do not help a person.
     const SHOWN: usize = 8;
     let shown = unresolved.triangles.iter().take(SHOWN);
     let shown: Vec<String> = shown.map(|[a, b]| format!("({a}, {b})")).collect();
     let which = if unresolved.between.is_some() { " (inner, outer)" } else { "" };
-    if shown.is_empty() {
-        String::new()
-    } else {
-        format!("look at the triangles{which} {}; ", shown.join(" "))
-    }
+    let Some(p) = unresolved.place else { return String::new() };
+    format!(
+        "look near ({:.3}, {:.3}, {:.3}) m, at the triangles{which} {} (polygons count as fans of them); ",
+        p.x,
+        p.y,
+        p.z,
+        shown.join(" ")
+    )
 }

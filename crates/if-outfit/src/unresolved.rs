@@ -4,6 +4,7 @@ use crate::obstacle::Obstacle;
 use crate::outfit::Outfit;
 use crate::report::{PairReport, ResolveReport};
 use crate::verify::compare_own_pairs;
+use if_core::math::Point;
 use if_mesh::index::Bvh;
 use if_mesh::intersections::pairs;
 use std::fmt;
@@ -24,6 +25,8 @@ pub struct Unresolved {
     /// two layers; or new pairs of the garment that newly intersects itself most, if nothing
     /// remains between layers. Empty if only vertices are on a wrong side.
     pub triangles: Vec<[u32; 2]>,
+    /// The middle of the first of these triangles, in metres.
+    pub place: Option<Point>,
 }
 
 /// What remains between layers.
@@ -52,6 +55,12 @@ impl Unresolved {
             Some(between) => between.triangles(found),
             None => new_own_triangles(unresolved.worst_own(), [given, found]),
         };
+        let [_, inner] = unresolved.worst();
+        let layer = found.layers().find(|layer| layer.name == inner);
+        unresolved.place = unresolved.triangles.first().zip(layer).map(|(pair, layer)| {
+            let [a, b, c] = layer.mesh.corners(pair[0] as usize);
+            Point::from((a.coords + b.coords + c.coords) / 3.0)
+        });
         Some(unresolved)
     }
 
@@ -92,7 +101,7 @@ impl Unresolved {
         let new = report.layers.iter().map(|l| (l.name.clone(), l.own_pairs.new));
         let own = new.filter(|(_, n)| *n > 0).collect();
         let obstacle = worst.and_then(obstacle_of).cloned().map(Box::new);
-        Some(Self { between, own, obstacle, triangles: Vec::new() })
+        Some(Self { between, own, obstacle, triangles: Vec::new(), place: None })
     }
 }
 
@@ -209,6 +218,7 @@ mod tests {
         };
         let found = Unresolved::of(&outfit(with(5.0)), (&outfit(with(0.3)), &report)).unwrap();
         assert_eq!(found.triangles, vec![[0, 2]]);
+        assert!((found.place.unwrap() - corner(1.0 / 3.0, 0.0, 1.0 / 3.0)).norm() < 1e-12);
         assert_eq!(found.to_string(), "1 new intersections of `shirt` with itself remain");
     }
 }
