@@ -150,7 +150,7 @@ mod tests {
     use super::*;
     use crate::outfit::Layer;
     use crate::report::{LayerReport, OwnPairs, PairCount};
-    use if_core::math::{Point, Real};
+    use if_core::math::Real;
     use if_core::mesh::TriMesh;
     use if_core::shapes::meshes::icosphere;
 
