@@ -56,4 +56,13 @@ mod tests {
         assert_eq!(red(0.21), 0);
         assert!(red(0.19) > 50);
     }
+
+    #[test]
+    fn a_vertex_of_no_triangle_changes_no_picture() {
+        let ball = icosphere(0.2, 3);
+        let far = [ball.vertices(), &[Point::new(1e3, -50.0, 0.0)]].concat();
+        let more = if_core::mesh::TriMesh::new(far, ball.triangles().to_vec()).unwrap();
+        let picture = |mesh| preview(&[mesh], &[View::FRONT], [100, 160]).rgb;
+        assert!(picture(&ball) == picture(&more));
+    }
 }

@@ -334,6 +334,22 @@ fn the_skin_of_a_body_moves_it() {
     folder.ifg(&format!("check --body {frame}/skinned.gltf {frame}/trousers.ply")).expect(0);
     assert!(run.stdout.contains("3 frames: 3 clean"), "{}", run.stdout);
     assert!(run.stdout.contains("Weights taken from the body: trousers"), "{}", run.stdout);
+    // So does that of a wardrobe.
+    let added = "wardrobe add w --body doll --mesh doll/skinned.gltf --skeleton doll/skeleton.json";
+    folder.ifg(added).expect(0);
+    let stored = if_mesh::ply::read_path(&folder.path("w/bodies/doll/body.ply")).unwrap();
+    let (found, given) = (
+        if_body::SkinWeights::from_ply(&stored, rig::skeleton().len()).unwrap(),
+        rig::skin_weights(mesh.vertices()),
+    );
+    let of = |skin: &if_body::SkinWeights, v: usize, joint: u16| {
+        let slots = skin.joints()[v].iter().zip(&skin.weights()[v]);
+        slots.filter(|(j, _)| **j == joint).map(|(_, w)| *w).sum::<f32>()
+    };
+    for v in 0..mesh.vertices().len() {
+        let apart = |j: u16| (of(&found, v, j) - of(&given, v, j)).abs();
+        assert!((0..rig::skeleton().len() as u16).all(|j| apart(j) < 1e-5), "vertex {v}");
+    }
     write_skinned(&folder, &mesh, "tail");
     let run = folder.ifg(&command.replace("moved", "other")).expect(2);
     let flat = run.stderr.split_whitespace().collect::<Vec<_>>().join(" ");

@@ -18,6 +18,15 @@ fn edit(folder: &Folder, change: impl FnOnce(&mut Value)) {
     folder.write("cap/meta.json", meta.to_string());
 }
 
+/// Copies a folder with all that is in it.
+fn copy(from: &std::path::Path, to: &std::path::Path) {
+    fs::create_dir_all(to).unwrap();
+    for entry in fs::read_dir(from).unwrap() {
+        let (path, to) = entry.map(|e| (e.path(), to.join(e.file_name()))).unwrap();
+        if path.is_dir() { copy(&path, &to) } else { drop(fs::copy(&path, &to).unwrap()) }
+    }
+}
+
 /// The names of the folders in a folder.
 fn names(folder: &Folder, parent: &str) -> Vec<String> {
     let entries = fs::read_dir(folder.path(parent)).unwrap();
@@ -137,6 +146,16 @@ fn captures_of_several_bodies_share_a_wardrobe_also_at_once() {
     // All are still of use.
     folder.ifg("wardrobe list w").expect(0);
     folder.ifg("wardrobe match w --body body b_trousers a_white_shirt --out worn").expect(0);
+    // Nor a garment that cannot be read, nor one of a capture with the same description.
+    let info = folder.read("w/garments/c_trousers/asset.json");
+    folder.write("w/garments/c_trousers/asset.json", "{");
+    let run = Run::from(command("cap/body", "c_").output().unwrap()).expect(2);
+    assert!(run.stderr.contains("garments/c_trousers` is in the way"), "{}", run.stderr);
+    folder.write("w/garments/c_trousers/asset.json", info);
+    copy(&folder.path("cap"), &folder.path("twin/cap"));
+    let twin = format!("reconstruct twin/cap --body cap/body --out w --prefix c_ {QUICK}");
+    let run = folder.ifg(&twin).expect(2);
+    assert!(run.stderr.contains("made of another capture"), "{}", run.stderr);
     // Another capture of the same name does not replace the clothed person of this one.
     let other = format!(
         "made of another capture, `{}`",
