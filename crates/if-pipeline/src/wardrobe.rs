@@ -336,7 +336,8 @@ impl Wardrobe {
 
 /// Checks that a folder is free, or one that a wardrobe has written: another one is the user's own.
 fn own_or_free(folder: &Path, info: &str) -> Result<(), WardrobeError> {
-    if fs::symlink_metadata(folder).is_err() || folder.join(info).is_file() {
+    let is_empty = || fs::read_dir(folder).is_ok_and(|mut files| files.next().is_none());
+    if fs::symlink_metadata(folder).is_err() || folder.join(info).is_file() || is_empty() {
         return Ok(());
     }
     let what = "it is no body or garment of a wardrobe, and would be replaced";
