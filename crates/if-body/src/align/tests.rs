@@ -129,8 +129,7 @@ fn seams_of_a_body_change_no_registration() {
         map.align(&mesh, None).unwrap()
     };
     let off = displacement(aligned(&from).vertices(), aligned(&soup).vertices());
-    // Cloth is carried by frames of the body's triangles, whose normals are those of corners here. With its
-    // seams open the body was registered so that the shirt was 7 mm off on average.
+    // Cloth is carried by normals of the body's vertices, which are those of single triangles here.
     assert!(off.mean < 0.5e-3 && off.max < 2e-3, "{off:?}");
 }
 
