@@ -1,6 +1,7 @@
 //! The header of a PLY file: `ply-rs-bw` parses its grammar; names and sizes are checked here.
 
 use super::error::ReadError;
+use super::rows::is_name;
 use super::source::Source;
 use crate::attributes::ScalarType;
 use ply_rs_bw::parser::{Parser, Reader};
@@ -145,6 +146,14 @@ impl Names {
     fn checked(&mut self, line: &str, number: u64) -> Result<String, ReadError> {
         let mut words: Vec<&str> = line.split_ascii_whitespace().collect();
         let last = words.len() - 1; // callers skip empty lines
+        let named = match words[0] {
+            "element" => words.get(1),
+            "property" => words.last(),
+            _ => None,
+        };
+        if named.is_some_and(|name| !is_name(name)) {
+            return Err(ReadError::HeaderLine { line: number, text: line.to_owned() });
+        }
         match words[0] {
             "element" if words.len() == 3 => {
                 let name = words[1].to_owned();
@@ -261,6 +270,10 @@ mod tests {
         let fault =
             header(&text.replace("property float 2nd", "property floaty 2nd")).err().unwrap();
         assert!(fault.to_string().contains("property floaty 2nd"), "as in the file: {fault}");
+        for name in ["re\u{7}d", "no\u{a0}break"] {
+            let fault = header(&text.replace("2nd", name)).err().unwrap();
+            assert!(matches!(fault, ReadError::HeaderLine { line: 7, .. }), "{fault}");
+        }
     }
 
     #[test]

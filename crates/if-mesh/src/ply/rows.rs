@@ -100,10 +100,14 @@ impl<'a> Rows<'a> {
     }
 }
 
+/// Whether it is one word that people can see.
+pub(super) fn is_name(name: &str) -> bool {
+    !name.is_empty() && !name.contains(|c: char| c.is_whitespace() || c.is_control())
+}
+
 /// The name, if it is valid in a header.
 fn checked(name: &str) -> Result<&str, WriteError> {
-    let fits = !name.is_empty() && !name.contains(|c: char| c.is_whitespace() || c.is_control());
-    if fits { Ok(name) } else { Err(WriteError::Name { name: name.to_owned() }) }
+    if is_name(name) { Ok(name) } else { Err(WriteError::Name { name: name.to_owned() }) }
 }
 
 /// Collects records until there is a block of them.
