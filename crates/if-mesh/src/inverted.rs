@@ -3,8 +3,9 @@
 use crate::body_surface::with_triangles;
 use crate::winding::Winding;
 use if_core::edges::parts;
-use if_core::math::{Real, area_vector};
+use if_core::math::{Point, Real, area_vector};
 use if_core::mesh::TriMesh;
+use std::collections::BTreeMap;
 
 /// |volume| over the area to the power 3/2 up to which a closed surface encloses nothing, as a folded
 /// sheet does. A ball has 0.094; a glove of 1 mm thickness and 20 cm length still has 1e-3.
@@ -107,19 +108,20 @@ pub(crate) fn without_inner_parts(mesh: &TriMesh) -> Option<(TriMesh, usize)> {
     // What encloses a part adds 1 all over it to the winding number of the part itself: to 0 to 1/2
     // at its outermost vertex, and to what is computed at the others.
     let suspects = outwards.filter(|p| winding.at(&mesh.vertices()[p.tip as usize]) > 0.75);
+    let mut corners: BTreeMap<u32, Vec<Point>> = suspects.map(|p| (p.root, Vec::new())).collect();
+    for (t, [first, ..]) in mesh.triangles().iter().enumerate() {
+        if let Some(own) = corners.get_mut(&part_of[*first as usize]) {
+            own.extend(mesh.corners(t));
+        }
+    }
     let mut is_gone = vec![false; mesh.vertices().len()];
     let mut count = 0;
-    for part in suspects {
-        let is_own = |t: &&[u32; 3]| part_of[t[0] as usize] == part.root;
-        let own: Vec<[u32; 3]> = mesh.triangles().iter().filter(is_own).copied().collect();
-        let alone = Winding::new(&with_triangles(mesh, own));
-        let places = (0..part_of.len()).filter(|v| part_of[*v] == part.root);
-        let mut others = places.map(|v| {
-            let p = &mesh.vertices()[v];
-            winding.at(p) - alone.at(p)
-        });
-        if others.all(|winding| winding > 0.75) {
-            is_gone[part.root as usize] = true;
+    for (root, corners) in corners {
+        let own = (0..corners.len() as u32 / 3).map(|t| [3 * t, 3 * t + 1, 3 * t + 2]).collect();
+        let alone = TriMesh::new(corners, own).expect("corners of a mesh");
+        let of_own = Winding::new(&alone);
+        if alone.vertices().iter().all(|p| winding.at(p) - of_own.at(p) > 0.75) {
+            is_gone[root as usize] = true;
             count += 1;
         }
     }
@@ -130,7 +132,7 @@ pub(crate) fn without_inner_parts(mesh: &TriMesh) -> Option<(TriMesh, usize)> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use if_core::math::{Point, Vector};
+    use if_core::math::Vector;
     use if_core::shapes::meshes::icosphere;
 
     /// Balls of one mesh: centre, radius, whether it faces inwards.
