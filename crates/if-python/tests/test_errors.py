@@ -84,7 +84,8 @@ def test_bad_meshes_are_named(mesh, kind, words):
 BODIES = [
     ((*band()[:1], band()[1][:0]), ["layer `body` has no triangles"]),
     ((np.zeros((3, 3)), [[0, 1, 2]]), ["`body` cannot be the body"]),
-    ((ball()[0] * 100, ball()[1]), ["body `body` is 60.0 units high", "centimetres"]),
+    ((ball()[0] * 100, ball()[1]), ["body `body` is 60.0 units high", "inches"]),
+    ((ball()[0] * 300, ball()[1]), ["body `body` is 180.0 units high", "centimetres"]),
     ((ball()[0] * np.nan, ball()[1]), ["body: vertex 0: coordinate x is NaN"]),
 ]
 

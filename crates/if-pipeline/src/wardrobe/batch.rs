@@ -187,7 +187,7 @@ fn collect(out: &Path, results: &FolderWriter) -> Result<(), WardrobeError> {
     let names = atomic::names(&shards).map_err(fault(&shards))?;
     for shard in names.iter().map(|name| shards.join(name)) {
         let path = shard.join(RESULTS);
-        if !path.is_dir() {
+        if !path.is_dir() && !shard.join(SUMMARY).is_file() {
             continue; // not a part
         }
         let opened = FolderWriter::open(&path).map_err(fault(&path))?;
