@@ -17,6 +17,9 @@ use std::collections::HashMap;
 use std::io::{self, Read};
 use std::path::Path;
 
+/// Length below which a bone of a person has no direction, in metres.
+pub(crate) const SHORT: Real = 1e-6;
+
 /// A joint and the bone that begins there.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Joint {

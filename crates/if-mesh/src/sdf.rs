@@ -133,9 +133,11 @@ impl MeshSdf {
 
     /// [`Self::closed`] without the parts that lie inside of others.
     fn solid(mesh: &TriMesh) -> Result<Self, SdfError> {
-        let whole = Self::closed(mesh)?;
-        let Some((outer, inner_parts)) = without_inner_parts(mesh) else { return Ok(whole) };
-        Ok(Self { inner_parts, ..Self::closed(&outer)? })
+        let edges = checked(mesh)?;
+        match without_inner_parts(mesh) {
+            Some((outer, inner_parts)) => Ok(Self { inner_parts, ..Self::closed(&outer)? }),
+            None => Ok(Self::with(mesh, edges, None, Real::INFINITY)),
+        }
     }
 
     /// The field of a closed mesh that faces outwards, everywhere.
@@ -145,32 +147,7 @@ impl MeshSdf {
     /// A mesh that is empty, open or non-manifold at an edge, of inconsistent winding, or inside
     /// out, as a whole or in a part.
     pub fn closed(mesh: &TriMesh) -> Result<Self, SdfError> {
-        if mesh.triangles().is_empty() {
-            return Err(SdfError::Empty);
-        }
-        let edges = Edges::new(mesh);
-        let unshared: Vec<usize> =
-            (0..edges.valence.len()).filter(|e| edges.valence[*e] != 2).collect();
-        if let Some(e) = unshared.first() {
-            let (edge, triangles) = (edges.vertices[*e], edges.valence[*e]);
-            return Err(SdfError::NotClosed { edge, triangles, others: unshared.len() - 1 });
-        }
-        let turned: Vec<usize> =
-            (0..edges.valence.len()).filter(|e| is_turned(mesh, &edges, *e)).collect();
-        if let Some(e) = turned.first() {
-            return Err(SdfError::Winding {
-                triangles: edges.triangles[*e],
-                others: turned.len() - 1,
-            });
-        }
-        let volume = mesh.signed_volume();
-        if volume.is_nan() || volume <= 0.0 {
-            return Err(SdfError::InsideOut { volume });
-        }
-        if let Some(part) = inverted_part(mesh) {
-            return Err(SdfError::PartInsideOut { part });
-        }
-        Ok(Self::with(mesh, edges, None, Real::INFINITY))
+        Ok(Self::with(mesh, checked(mesh)?, None, Real::INFINITY))
     }
 
     /// The field of an open surface, within `reach` metres of it.
@@ -251,6 +228,33 @@ impl MeshSdf {
     pub fn surface(&self) -> &Bvh {
         &self.surface
     }
+}
+
+/// The edges of a mesh that is closed and faces outwards.
+fn checked(mesh: &TriMesh) -> Result<Edges, SdfError> {
+    if mesh.triangles().is_empty() {
+        return Err(SdfError::Empty);
+    }
+    let edges = Edges::new(mesh);
+    let unshared: Vec<usize> =
+        (0..edges.valence.len()).filter(|e| edges.valence[*e] != 2).collect();
+    if let Some(e) = unshared.first() {
+        let (edge, triangles) = (edges.vertices[*e], edges.valence[*e]);
+        return Err(SdfError::NotClosed { edge, triangles, others: unshared.len() - 1 });
+    }
+    let turned: Vec<usize> =
+        (0..edges.valence.len()).filter(|e| is_turned(mesh, &edges, *e)).collect();
+    if let Some(e) = turned.first() {
+        return Err(SdfError::Winding { triangles: edges.triangles[*e], others: turned.len() - 1 });
+    }
+    let volume = mesh.signed_volume();
+    if volume.is_nan() || volume <= 0.0 {
+        return Err(SdfError::InsideOut { volume });
+    }
+    if let Some(part) = inverted_part(mesh) {
+        return Err(SdfError::PartInsideOut { part });
+    }
+    Ok(edges)
 }
 
 /// Whether both triangles of an edge run through it in the same direction.

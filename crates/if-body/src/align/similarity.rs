@@ -1,6 +1,7 @@
 //! Similarities between bodies, and the bone-wise start of a registration.
 
 use super::{AlignError, BodyShape};
+use crate::skeleton::SHORT;
 use if_core::aabb::Aabb;
 use if_core::math::{Point, Real, Vector};
 use nalgebra::{Matrix3, Rotation3};
@@ -14,8 +15,6 @@ pub(super) struct Similarity {
     to: Point,
 }
 
-/// Shortest bone that shows a direction, in metres.
-const SHORTEST: Real = 1e-6;
 /// Least number of common joints to estimate a rotation.
 const LEAST_JOINTS: usize = 3;
 
@@ -95,7 +94,7 @@ pub(super) fn start(from: &BodyShape, to: &BodyShape, similarity: &Similarity) -
         let twin = b.joints().iter().find(|t| t.name == j.name)?;
         let (u, v) = (j.tail - j.head, twin.tail - twin.head);
         // Rigs without tails have bones of no length, which show neither direction nor scale.
-        if u.norm().min(v.norm()) < SHORTEST {
+        if u.norm().min(v.norm()) < SHORT {
             return None;
         }
         let rotation = Rotation3::rotation_between(&u, &v)?;

@@ -1,7 +1,7 @@
 //! Motions of one skeleton on another: bones point where those of the other point.
 
 use super::bvh::{Bvh, BvhError};
-use crate::skeleton::Skeleton;
+use crate::skeleton::{SHORT, Skeleton};
 use if_core::math::{Point, Real, Vector};
 use nalgebra::UnitQuaternion;
 use std::collections::{HashMap, HashSet};
@@ -340,5 +340,3 @@ fn bones(
 
 /// Height of the lowest joint, as a share of that of the hips, up to which a body stands on y = 0.
 const SOLE: Real = 0.1;
-/// Length below which a bone of a person has no direction, in metres.
-const SHORT: Real = 1e-6;
