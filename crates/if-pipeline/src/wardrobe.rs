@@ -186,8 +186,8 @@ impl Wardrobe {
     ///
     /// # Errors
     ///
-    /// The wardrobe does not have the body, a folder of this name is there and is no garment, the garment is too large or too far from it
-    /// ([`if_outfit::outfit::Outfit::new`]), the errors of [`asset::write()`], or another process
+    /// The wardrobe does not have the body, a folder of this name is there and is no garment, the garment
+    /// is too large or too far from the body ([`if_outfit::outfit::Outfit::new`]), the errors of [`asset::write()`], or another process
     /// writes there for too long.
     pub fn add(&mut self, parts: &Parts) -> Result<&AssetInfo, WardrobeError> {
         let body = self.body_like(parts.name, parts.body)?;

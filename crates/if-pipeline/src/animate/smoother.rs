@@ -79,23 +79,7 @@ impl<'a> Smoother<'a> {
         self.means.retain(|frame, _| *frame >= window.start);
         for frame in window {
             if !self.means.contains_key(&frame) {
-                let (row, positions) = means.written(frame)?;
-                let mean = if row.reached {
-                    self.read_window(frame, walked)?;
-                    self.average(frame)
-                } else {
-                    None
-                };
-                let mean = match mean {
-                    Some(mean) => {
-                        let (maps, target) = self.target(frame)?;
-                        let local = maps.local(&target, &positions);
-                        let added = local.iter().zip(&mean).map(|(v, mean)| v - mean).collect();
-                        let (local, added) = (stored(local), stored(added));
-                        Some(Mean { positions, is_walked: !row.smoothed, local, added })
-                    }
-                    None => None,
-                };
+                let mean = self.mean(frame, [walked, means])?;
                 self.means.insert(frame, mean);
             }
         }
@@ -111,6 +95,25 @@ impl<'a> Smoother<'a> {
             found.push(from);
         }
         Ok(found)
+    }
+
+    /// Frame `k` as it went to the mean of its neighbours; none if its own pose was not reached.
+    fn mean(
+        &mut self,
+        k: usize,
+        [walked, means]: [&Frames; 2],
+    ) -> Result<Option<Mean>, AnimateError> {
+        let (row, positions) = means.written(k)?;
+        if !row.reached {
+            return Ok(None);
+        }
+        self.read_window(k, walked)?;
+        let Some(mean) = self.average(k) else { return Ok(None) };
+        let (maps, target) = self.target(k)?;
+        let local = maps.local(&target, &positions);
+        let added = local.iter().zip(&mean).map(|(v, mean)| v - mean).collect();
+        let (local, added) = (stored(local), stored(added));
+        Ok(Some(Mean { positions, is_walked: !row.smoothed, local, added }))
     }
 
     /// Frame `k` as near to the mean of its neighbours as contacts permit, and its row, which says
