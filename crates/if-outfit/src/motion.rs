@@ -19,6 +19,7 @@
 //! No accepted state has an intersecting pair that the rest state does not have, so a walk can end
 //! at any step. Targets come from the caller: this module sees no skeleton.
 
+mod approach;
 mod attempt;
 mod clean;
 mod concerned;

@@ -12,10 +12,11 @@
 //! [Baraff et al. 2003]. The rest is pushed out by millimetres, where the body yielded beside the
 //! pinch.
 
+use super::approach::APPROACH;
 use super::facing::{pinched, room};
 use super::locality::Yielding;
 use super::proof::{Proof, prove};
-use super::walk::{APPROACH, WalkError, Walked, Walker};
+use super::walk::{WalkError, Walked, Walker};
 use crate::findings::own_with;
 use if_core::math::{Point, Real};
 use if_core::monitor::Monitor;

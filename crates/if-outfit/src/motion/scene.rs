@@ -160,6 +160,12 @@ impl Scene {
         (layer, triangle - self.triangle_starts[layer] as u32)
     }
 
+    /// The corners, among the vertices of all layers, of a triangle of one.
+    pub(super) fn corners_of(&self, layer: usize, triangle: u32) -> [usize; 3] {
+        let corners = self.mesh.triangles()[self.triangle_starts[layer] + triangle as usize];
+        corners.map(|v| v as usize)
+    }
+
     /// Gives doubled vertices the positions of those that stand for them.
     pub(super) fn copy_doubled(&self, x: &mut [Point]) {
         for [v, kept] in &self.doubled {

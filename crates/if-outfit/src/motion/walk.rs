@@ -108,18 +108,6 @@ pub struct Walker {
     pub(super) storage: Storage,
 }
 
-/// Share of the gaps of a walk that [`Walker::approach`] keeps. With all of them means are pushed back
-/// to where the walked states were, and tremble as these do; with half of this no less.
-pub(super) const APPROACH: Real = 0.3;
-/// Displacement of the body far from its own overlaps that [`Walker::approach`] takes over, in metres:
-/// less than counts as yielding, 1 mm, with 0.1 mm of layers that were moved apart at rest.
-const FAR: Real = 0.8e-3;
-/// Displacement, in metres, that [`Walker::approach`] leaves out: a hundredth of the jitter that can be
-/// seen.
-const STILL: Real = 1e-5;
-/// Most steps of [`Walker::approach`]: 2.5 m by default.
-const MOST_STEPS: Real = 1e3;
-
 impl Walker {
     /// Takes an outfit whose layers do not intersect, and moves layers that lie nearer than [`WalkParams::gap`] apart, as far as there is room. Own pairs of layers may
     /// stay.
@@ -255,58 +243,6 @@ impl Walker {
         Ok(())
     }
 
-    /// From the clean state `from` towards `to`, as near as contacts permit, in steps of at most half
-    /// the distance at which primitives are watched, and at most 1,000. Contacts keep less apart than
-    /// those of a walk, so that `to` may be a mean of states of walks. Vertices of the body that are
-    /// farther than [`WalkParams::body_reach`] from its overlaps at `reference` go to `to` exactly,
-    /// and at most 0.8 mm from `reference`.
-    ///
-    /// The walker's state ends free of intersections if `from` is so, at whatever share of the way:
-    /// only what moves is verified, unless `from` has to be rounded first.
-    ///
-    /// # Errors
-    ///
-    /// An invalid state, or the monitor cancelled.
-    pub fn approach(
-        &mut self,
-        from: &[Point],
-        to: &[Point],
-        reference: &[Point],
-        monitor: &mut dyn Monitor,
-    ) -> Result<Walked, WalkError> {
-        self.check(to)?;
-        self.check(reference)?;
-        self.restart(from.to_vec())?;
-        self.clean.is_verified = self.clean.x == from;
-        let yielding = self.yielding(reference);
-        let mut to = to.to_vec();
-        for v in (0..self.scene.starts[1]).filter(|v| yielding.inverse_mass[*v] == 0.0) {
-            to[v] = reference[v] + (to[v] - reference[v]).cap_magnitude(FAR);
-        }
-        // What need not move stays to the bit, so that steps skip it.
-        for (to, from) in to.iter_mut().zip(from) {
-            if (*to - from).norm_squared() < STILL * STILL {
-                *to = *from;
-            }
-        }
-        let params = self.params;
-        let watched = params.gap + params.margin;
-        self.params.gap *= APPROACH;
-        self.params.share *= APPROACH;
-        self.params.margin = watched - self.params.gap;
-        // Primitives that are not watched cannot pass each other within a step.
-        let moves = from.iter().zip(&to).map(|(a, b)| (b - a).norm_squared());
-        let largest = moves.fold(0.0, Real::max).sqrt();
-        let steps = (2.0 * largest / watched).ceil().min(MOST_STEPS) as usize;
-        // All go equally far in a step, and later steps concern only those that have far to go.
-        let path = |t: Real| {
-            from.iter().zip(&to).map(|(a, b)| a + (b - a).cap_magnitude(t * largest)).collect()
-        };
-        let walked = self.follow(steps, &path, Some(yielding), monitor);
-        self.params = params;
-        walked
-    }
-
     /// Follows the `path` of targets, from the current one at 0 to 1, in `steps` steps or smaller
     /// ones.
     ///
@@ -382,7 +318,7 @@ impl Walker {
     }
 
     /// The body yields near its overlaps at `reference`.
-    fn yielding(&self, reference: &[Point]) -> Yielding {
+    pub(super) fn yielding(&self, reference: &[Point]) -> Yielding {
         let reach = self.params.body_reach;
         Yielding::near_overlaps(&self.scene, reference, &self.body_shape, reach)
     }

@@ -16,13 +16,14 @@ pub(super) fn with_jitter(
     mut each: impl FnMut(FrameReport) -> Result<(), AnimateError>,
 ) -> Result<(), AnimateError> {
     let first = frames.first().copied().unwrap_or(0);
+    let body = movement.outfit().body.mesh.vertices().len();
     let before = first.saturating_sub(2)..first;
-    // Local displacements of the two frames before, the last one first.
+    // Local displacements of the garments in the two frames before, the last one first.
     let mut last: [Option<Vec<Vector>>; 2] = [None, None];
     for frame in before.chain(frames.iter().copied()) {
         let (mut row, positions) = stored.written(frame)?;
         let maps = movement.maps(frame)?;
-        let local = maps.local(&maps.posed(rest), &positions);
+        let local = maps.local(&maps.posed(rest), &positions).split_off(body);
         if let [Some(last), second] = &last {
             let change = last.iter().zip(&local).map(|(a, b)| (b - a).norm());
             row.jitter = Spread::of(change.collect());

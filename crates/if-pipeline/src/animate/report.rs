@@ -72,8 +72,8 @@ pub struct FrameReport {
     pub strain_p99: Real,
     /// The same after skinning alone.
     pub strain_p99_skinned: Real,
-    /// Change of the displacement of all vertices since the frame before, in local frames; zero in
-    /// the first frame.
+    /// Change of the displacement of the garments' vertices since the frame before, in local frames;
+    /// zero in the first frame.
     pub jitter: Spread,
     /// Change of that change, `|u_{f−2} − 2 u_{f−1} + u_f|`: what trembles, and not what follows the
     /// motion evenly. Zero in the first two frames.

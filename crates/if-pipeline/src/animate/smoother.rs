@@ -150,8 +150,7 @@ impl<'a> Smoother<'a> {
         Ok(())
     }
 
-    /// Frame `k` from the clean positions `from` towards some displacements, unless that is no
-    /// improvement: a fold that is entered on another side than in `from`.
+    /// Frame `k` from the clean positions `from` towards some displacements; none if it stays there.
     fn approach(
         &mut self,
         k: usize,
@@ -162,12 +161,7 @@ impl<'a> Smoother<'a> {
         let to = maps.displaced(&target, displacements);
         self.walker.approach(from, &to, &target, &mut Silent)?;
         let now = self.walker.positions();
-        let body = self.walker.layer(now, 0).len();
-        let largest = |x: &[Point], first: usize| {
-            let squared = x[first..].iter().zip(&to[first..]).map(|(a, b)| (b - a).norm_squared());
-            squared.fold(0.0, Real::max)
-        };
-        Ok((largest(now, body) <= largest(from, body)).then(|| now.to_vec()))
+        Ok((now != from).then(|| now.to_vec()))
     }
 
     fn weight(&self, k: usize, frame: usize) -> Real {

@@ -1,0 +1,134 @@
+//! From a clean state towards another one, as near as contacts permit.
+
+use super::walk::{WalkError, Walked, Walker};
+use if_core::math::{Point, Real};
+use if_core::monitor::Monitor;
+use if_mesh::point_tree::PointTree;
+use rayon::prelude::*;
+
+/// Share of the gaps of a walk that [`Walker::approach`] keeps. With all of them means are pushed back
+/// to where the walked states were, and tremble as these do; with half of this no less.
+pub(super) const APPROACH: Real = 0.3;
+/// Displacement of the body far from its own overlaps that [`Walker::approach`] takes over, in metres:
+/// less than counts as yielding, 1 mm, with 0.1 mm of layers that were moved apart at rest.
+const FAR: Real = 0.8e-3;
+/// Displacement, in metres, that [`Walker::approach`] leaves out: a hundredth of the jitter that can be
+/// seen.
+const STILL: Real = 1e-5;
+/// Most steps of one way: 2.5 m by default.
+const MOST_STEPS: Real = 1e3;
+/// Most ways that are tried, each with what the ones before found held back.
+const MOST_WAYS: usize = 3;
+/// Distance from what is held back, in metres, up to which all stays where it is, and twice which
+/// nothing is held back any more: displacements of garments fade over 20 mm.
+const HELD: Real = 0.025;
+
+impl Walker {
+    /// From the clean state `from` towards `to`, as near as contacts permit, in steps of at most half
+    /// the distance at which primitives are watched, and at most 1,000. Contacts keep less apart than
+    /// those of a walk, so that `to` may be a mean of states of walks. Vertices of the body that are
+    /// farther than [`WalkParams::body_reach`](super::WalkParams::body_reach) from its overlaps at `reference` go to `to` exactly,
+    /// and at most 0.8 mm from `reference`.
+    ///
+    /// What is in the way of a step that cannot be made clean, and vertices of garments that would end
+    /// farther from `to` than all were at first, as beyond a fold that is entered on another side, stay
+    /// with what lies within 25 mm of them, while the rest goes on. If that does not help, the state is that of
+    /// the last clean step, or `from` if vertices end farther off.
+    ///
+    /// The walker's state ends free of intersections if `from` is so, at whatever share of the way:
+    /// only what moves is verified, unless `from` has to be rounded first.
+    ///
+    /// # Errors
+    ///
+    /// An invalid state, or the monitor cancelled.
+    pub fn approach(
+        &mut self,
+        from: &[Point],
+        to: &[Point],
+        reference: &[Point],
+        monitor: &mut dyn Monitor,
+    ) -> Result<Walked, WalkError> {
+        self.check(from)?;
+        self.check(to)?;
+        self.check(reference)?;
+        let garments = self.scene.starts[1];
+        let squared = |v: usize, x: &[Point]| (to[v] - x[v]).norm_squared();
+        let farthest = (garments..to.len()).map(|v| squared(v, from)).fold(0.0, Real::max);
+        let mut stuck = Vec::new();
+        let mut ways = 0;
+        loop {
+            let walked = self.go(from, &held_back(from, to, &stuck), reference, monitor)?;
+            let astray = (garments..to.len()).filter(|v| squared(*v, &self.clean.x) > farthest);
+            let astray: Vec<usize> = astray.collect();
+            if walked.unresolved.is_empty() && astray.is_empty() {
+                return Ok(walked);
+            }
+            ways += 1;
+            if ways == MOST_WAYS {
+                if !astray.is_empty() {
+                    self.restart(from.to_vec())?;
+                }
+                return Ok(walked);
+            }
+            let triangles = walked.unresolved.iter().flatten();
+            let corners = triangles.flat_map(|(layer, t)| self.scene.corners_of(*layer, *t));
+            stuck.extend(corners);
+            stuck.extend(astray);
+        }
+    }
+
+    /// One way of [`approach`](Self::approach).
+    fn go(
+        &mut self,
+        from: &[Point],
+        to: &[Point],
+        reference: &[Point],
+        monitor: &mut dyn Monitor,
+    ) -> Result<Walked, WalkError> {
+        self.restart(from.to_vec())?;
+        self.clean.is_verified = self.clean.x == from;
+        let yielding = self.yielding(reference);
+        let mut to = to.to_vec();
+        for v in (0..self.scene.starts[1]).filter(|v| yielding.inverse_mass[*v] == 0.0) {
+            to[v] = reference[v] + (to[v] - reference[v]).cap_magnitude(FAR);
+        }
+        // What need not move stays to the bit, so that steps skip it.
+        for (to, from) in to.iter_mut().zip(from) {
+            if (*to - from).norm_squared() < STILL * STILL {
+                *to = *from;
+            }
+        }
+        let params = self.params;
+        let watched = params.gap + params.margin;
+        self.params.gap *= APPROACH;
+        self.params.share *= APPROACH;
+        self.params.margin = watched - self.params.gap;
+        // Primitives that are not watched cannot pass each other within a step.
+        let moves = from.iter().zip(&to).map(|(a, b)| (b - a).norm_squared());
+        let largest = moves.fold(0.0, Real::max).sqrt();
+        let steps = (2.0 * largest / watched).ceil().min(MOST_STEPS) as usize;
+        // All go equally far in a step, and later steps concern only those that have far to go.
+        let path = |t: Real| {
+            from.iter().zip(&to).map(|(a, b)| a + (b - a).cap_magnitude(t * largest)).collect()
+        };
+        let walked = self.follow(steps, &path, Some(yielding), monitor);
+        self.params = params;
+        walked
+    }
+}
+
+/// `to`, but `from` at the vertices `stuck` and near them.
+fn held_back(from: &[Point], to: &[Point], stuck: &[usize]) -> Vec<Point> {
+    if stuck.is_empty() {
+        return to.to_vec();
+    }
+    let places: Vec<Point> = stuck.iter().map(|v| from[*v]).collect();
+    let tree = PointTree::new(&places);
+    let eased = |(from, to): (&Point, &Point)| {
+        let mut nearest = Vec::new();
+        tree.nearest(from, 1, &mut nearest);
+        let distance = nearest.first().map_or(Real::INFINITY, |n| n.0.sqrt());
+        from + (to - from) * (distance / HELD - 1.0).clamp(0.0, 1.0)
+    };
+    from.par_iter().zip(to).with_min_len(256).map(eased).collect()
+}
