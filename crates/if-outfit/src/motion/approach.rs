@@ -27,13 +27,13 @@ impl Walker {
     /// From the clean state `from` towards `to`, as near as contacts permit, in steps of at most half
     /// the distance at which primitives are watched, and at most 1,000. Contacts keep less apart than
     /// those of a walk, so that `to` may be a mean of states of walks. Vertices of the body that are
-    /// farther than [`WalkParams::body_reach`](super::WalkParams::body_reach) from its overlaps at `reference` go to `to` exactly,
-    /// and at most 0.8 mm from `reference`.
+    /// farther than [`WalkParams::body_reach`](super::WalkParams::body_reach) from its overlaps at
+    /// `reference` go to `to` exactly, and at most 0.8 mm from `reference`.
     ///
-    /// What is in the way of a step that cannot be made clean, and vertices of garments that would end
-    /// farther from `to` than all were at first, as beyond a fold that is entered on another side, stay
-    /// with what lies within 25 mm of them, while the rest goes on. If that does not help, the state is that of
-    /// the last clean step, or `from` if vertices end farther off.
+    /// What is in the way of a step that cannot be made clean stays with what lies within 25 mm, while
+    /// the rest goes on; and so do vertices of garments that would end farther from `to` than any was
+    /// at first, as beyond a fold that is entered on another side. If that does not help, the state is
+    /// that of the last clean step, or `from` if vertices end farther off.
     ///
     /// The walker's state ends free of intersections if `from` is so, at whatever share of the way:
     /// only what moves is verified, unless `from` has to be rounded first.
@@ -131,4 +131,62 @@ fn held_back(from: &[Point], to: &[Point], stuck: &[usize]) -> Vec<Point> {
         from + (to - from) * (distance / HELD - 1.0).clamp(0.0, 1.0)
     };
     from.par_iter().zip(to).with_min_len(256).map(eased).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::WalkParams;
+    use super::super::tests::arm;
+    use super::*;
+    use if_core::monitor::Silent;
+
+    /// The arm, with the sleeve's end at the shoulder wider by 4 mm and that at the hand narrower by 9
+    /// mm, which is 3 mm below the skin.
+    fn ends(walker: &Walker) -> (Vec<Point>, Vec<Point>) {
+        let from = walker.rest().to_vec();
+        let mut to = from.clone();
+        for p in &mut to[walker.scene.starts[1]..] {
+            let by = if p.y < -0.1 {
+                4e-3
+            } else if p.y > 0.1 {
+                -9e-3
+            } else {
+                0.0
+            };
+            let out = Point::new(p.x, 0.0, p.z).coords.normalize();
+            *p += out * by;
+        }
+        (from, to)
+    }
+
+    #[test]
+    fn what_is_stuck_does_not_hold_the_rest() {
+        // A single sweep does not bring contacts apart.
+        let params = WalkParams { sweeps: 1, solves: 1, halvings: 0, ..WalkParams::default() };
+        let mut walker = Walker::new(&arm(), params).unwrap();
+        let (from, to) = ends(&walker);
+        let once = walker.go(&from, &to, &from, &mut Silent).unwrap();
+        assert!(once.reached < 1.0 && !once.unresolved.is_empty(), "{once:?}");
+        walker.approach(&from, &to, &from, &mut Silent).unwrap();
+        let now = walker.positions();
+        assert!(walker.intersections(now).unwrap().is_empty());
+        let garments = walker.scene.starts[1]..from.len();
+        for v in garments.filter(|v| from[*v].y < -0.1) {
+            assert!((now[v] - to[v]).norm() < 1e-6, "{} {}", from[v], (now[v] - to[v]).norm());
+        }
+    }
+
+    #[test]
+    fn what_is_held_back_fades() {
+        let line =
+            |y: Real| (0..100).map(|k| Point::new(k as Real * 1e-3, y, 0.0)).collect::<Vec<_>>();
+        let (from, to) = (line(0.0), line(1.0));
+        assert_eq!(held_back(&from, &to, &[]), to);
+        let held = held_back(&from, &to, &[0, 10]);
+        // 25 mm from the last, and then in proportion up to 50 mm.
+        for (k, p) in held.iter().enumerate() {
+            let share = ((k as Real - 10.0) / 25.0 - 1.0).clamp(0.0, 1.0);
+            assert!((p - Point::new(k as Real * 1e-3, share, 0.0)).norm() < 1e-12, "{k} {p}");
+        }
+    }
 }
