@@ -1,9 +1,11 @@
 //! Skinning weights: up to four joints for each vertex.
 
+use crate::skeleton::Skeleton;
 use if_core::parameter::ParameterError;
 use if_mesh::gltf::Influences;
 use if_mesh::ply::{Column, PlyMesh, Property};
 use if_sparse::CholeskyError;
+use std::collections::HashMap;
 
 /// Up to four joints and their weights for each vertex. Weights are non-negative and sum to 1.
 #[derive(Clone, Debug, PartialEq, Default)]
@@ -174,6 +176,25 @@ impl SkinWeights {
         Self::new(joints, weights, names.len())
     }
 
+    /// The same weights for another skeleton, by the names of joints; `None` if it lacks one that moves
+    /// a vertex. Joints of weight zero that it lacks become the first.
+    pub fn for_skeleton(self, from: &Skeleton, to: &Skeleton) -> Option<Self> {
+        if from.names().eq(to.names()) {
+            return Some(self);
+        }
+        let of_name: HashMap<&str, u16> = to.names().zip(0..).collect();
+        let of_joint: Vec<Option<u16>> =
+            from.names().map(|name| of_name.get(name).copied()).collect();
+        let mut joints = self.joints;
+        for (own, weights) in joints.iter_mut().zip(&self.weights) {
+            for (joint, weight) in own.iter_mut().zip(weights) {
+                let found = of_joint.get(usize::from(*joint)).copied().flatten();
+                *joint = if *weight > 0.0 { found? } else { found.unwrap_or(0) };
+            }
+        }
+        Some(Self { joints, weights: self.weights })
+    }
+
     /// The properties j0 to j3 and w0 to w3 for a PLY file; `uchar` joints where there are fewer
     /// than 256.
     pub fn to_properties(&self) -> Vec<Property> {
@@ -244,6 +265,7 @@ impl SkinWeights {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::skeleton::Joint;
     use if_core::math::Point;
     use if_core::mesh::TriMesh;
 
@@ -275,6 +297,27 @@ mod tests {
         let mut swapped = ply();
         swapped.vertex_properties[0].values = Column::F32(vec![0.0; 2]);
         assert!(matches!(SkinWeights::from_ply(&swapped, 3), Err(SkinError::Type { .. })));
+    }
+
+    #[test]
+    fn weights_go_to_another_skeleton_by_the_names_of_joints() {
+        let skeleton = |names: &[&str]| {
+            let joint = |(k, name): (usize, &&str)| Joint {
+                name: name.to_string(),
+                parent: k.checked_sub(1).map(|_| 0),
+                head: Point::origin(),
+                tail: Point::new(0.0, 0.1, 0.0),
+            };
+            Skeleton::new(names.iter().enumerate().map(joint).collect()).unwrap()
+        };
+        let own = skeleton(&["hips", "left", "right", "tail"]);
+        let weights = [[0.25, 0.75, 0.0, 0.0], [0.5, 0.0, 0.5, 0.0]].to_vec();
+        let skin = SkinWeights::new(vec![[0, 1, 3, 0], [2, 3, 1, 0]], weights.clone(), 4).unwrap();
+        let other = skeleton(&["hips", "right", "left"]);
+        let moved = skin.clone().for_skeleton(&own, &other).unwrap();
+        assert_eq!(moved, SkinWeights::new(vec![[0, 2, 0, 0], [1, 0, 2, 0]], weights, 3).unwrap());
+        assert_eq!(skin.clone().for_skeleton(&own, &own), Some(skin.clone()));
+        assert_eq!(skin.for_skeleton(&own, &skeleton(&["hips", "left"])), None);
     }
 
     #[test]

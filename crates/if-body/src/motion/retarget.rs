@@ -22,7 +22,7 @@ pub(super) struct Retargeted {
 /// With B the rotation of a joint of the file in the world, the skeleton's joint has W = B A there,
 /// where A turns its bone in the rest pose to that of the file: by quarter turns about y to the side
 /// that the person faces, then the shortest way; of a hand as its arm, then the shortest way to its
-/// fingers. Joints that the file lacks follow their parents.
+/// fingers. Joints of the spine are matched by their share of its length, all others by name. Joints that the file lacks follow their parents.
 /// Translations are those of the [hips](hips), scaled by their heights; joints above them stay as they
 /// are. The first frame is above the origin; the floor of the file, y = 0, is that of the body where its
 /// feet are near that, else its lowest joint.
@@ -41,13 +41,14 @@ pub(super) fn retarget(bvh: &Bvh, skeleton: &Skeleton) -> Result<Retargeted, Bvh
     let own = joints.iter().zip(&is_below).filter(|(_, is_below)| **is_below);
     let ends = own.flat_map(|(j, _)| [j.head.y, j.tail.y]);
     let lowest = ends.fold(root.y, Real::min);
-    let scale = (root.y - lowest) / height;
     // Soles are a little lower than joints.
     let floor = if lowest.abs() < SOLE * (root.y - lowest) { 0.0 } else { lowest };
 
     let facing = facing(&root, skeleton, &matches, &rest);
     let mut align: Vec<Turn> = Vec::with_capacity(joints.len());
+    let mut of_limb: Vec<bool> = Vec::with_capacity(joints.len());
     for (j, joint) in joints.iter().enumerate() {
+        of_limb.push(is_limb[j] || joint.parent.is_some_and(|p| of_limb[p]));
         let inherited = joint.parent.map_or(facing, |p| align[p]);
         align.push(match bones(bvh, skeleton, (&matches, is_limb[j]), &rest, j) {
             // Opposite bones have no shortest way.
@@ -56,9 +57,13 @@ pub(super) fn retarget(bvh: &Bvh, skeleton: &Skeleton) -> Result<Retargeted, Bvh
             Bones::Fan(own, other) => Turn::rotation_between(&(inherited * own), &other)
                 .map_or(inherited, |swing| swing * inherited),
             Bones::Many => facing,
-            Bones::None => inherited,
+            // A hand goes on as its arm; a head does not lean back because the neck of the file is upright.
+            Bones::None if of_limb[j] => inherited,
+            Bones::None => facing,
         });
     }
+    let own_height = own_hip_height(skeleton, (&matches, &align), &is_below, hips);
+    let scale = own_height / height;
 
     let first = bvh.frames(hips_of_file).next();
     let start = first.map_or(Vector::zeros(), |(p, _)| Vector::new(p.x, 0.0, p.z));
@@ -120,7 +125,12 @@ fn matches(bvh: &Bvh, skeleton: &Skeleton) -> Result<Matches, BvhError> {
     };
     let above_skeleton = above(|j| skeleton.joints()[j].parent, hips[0]);
     let path_in_file = bvh.path(hips[1]);
+    let arms: Vec<[usize; 2]> =
+        limbs.iter().filter(|[j, _]| ARM.contains(&names[*j].usual.1.as_str())).copied().collect();
+    let both = ['l', 'r'].map(|side| arms.iter().any(|[j, _]| names[*j].usual.0 == Some(side)));
+    let spine = if both == [true; 2] { spine(bvh, skeleton, hips, &arms) } else { HashMap::new() };
     let of = |j: usize| match j {
+        j if spine.contains_key(&j) => spine[&j],
         j if j == hips[0] => Some(hips[1]),
         j if above_skeleton.contains(&j) => None,
         j => alike[j].filter(|k| !path_in_file.contains(k)),
@@ -133,6 +143,77 @@ fn matches(bvh: &Bvh, skeleton: &Skeleton) -> Result<Matches, BvhError> {
         return Err(BvhError::Joints { found, joints: skeleton.len(), missing });
     }
     Ok(Matches { of, is_limb: names.iter().map(Name::is_limb).collect(), hips })
+}
+
+/// The joints of the spine, from above the hips to where both arms hang, and those of the file at the
+/// nearest share of its length: every rig numbers and names them otherwise (`Spine2`, `spine_03`, `Chest`).
+/// None where that is the hips.
+fn spine(
+    bvh: &Bvh,
+    skeleton: &Skeleton,
+    hips: [usize; 2],
+    arms: &[[usize; 2]],
+) -> HashMap<usize, Option<usize>> {
+    let joints = skeleton.joints();
+    let chest = [
+        self::hips(|j| joints[j].parent, arms.iter().map(|arm| arm[0])),
+        self::hips(|k| bvh.joints[k].parent, arms.iter().map(|arm| arm[1])),
+    ];
+    let rest = bvh.rest();
+    let own = shares(|j| joints[j].parent, |j| joints[j].head.coords, [hips[0], chest[0]]);
+    let other = shares(|k| bvh.joints[k].parent, |k| rest[k], [hips[1], chest[1]]);
+    let (Some(own), Some(other)) = (own, other) else { return HashMap::new() };
+    let nearest = |share: Real| {
+        let far = |of: Real| (of - share).abs();
+        let nearer = |a: (usize, Real), b: (usize, Real)| if far(b.1) <= far(a.1) { b } else { a };
+        other.iter().copied().reduce(nearer).map(|(k, _)| k).filter(|k| *k != hips[1])
+    };
+    own[1..].iter().map(|(j, share)| (*j, nearest(*share))).collect()
+}
+
+/// The joints from one to another below it, and the shares of the way there; none if it is not below.
+fn shares(
+    parent: impl Fn(usize) -> Option<usize>,
+    at: impl Fn(usize) -> Vector,
+    [first, last]: [usize; 2],
+) -> Option<Vec<(usize, Real)>> {
+    let mut path: Vec<usize> = std::iter::successors(Some(last), |j| parent(*j)).collect();
+    path.truncate(path.iter().position(|j| *j == first)? + 1);
+    path.reverse();
+    let mut length = 0.0;
+    let mut shares = vec![(first, 0.0)];
+    for pair in path.windows(2) {
+        length += (at(pair[1]) - at(pair[0])).norm();
+        shares.push((pair[1], length));
+    }
+    (length > SHORT).then(|| shares.into_iter().map(|(j, s)| (j, s / length)).collect())
+}
+
+/// The height of the hips of the skeleton above its lowest joint in the rest pose of the file: in its own
+/// legs may be spread or in a stride.
+fn own_hip_height(
+    skeleton: &Skeleton,
+    (matches, align): (&[Option<usize>], &[Turn]),
+    is_below: &[bool],
+    hips: usize,
+) -> Real {
+    let joints = skeleton.joints();
+    let mut turned: Vec<Turn> = Vec::with_capacity(joints.len());
+    let mut heads: Vec<Vector> = Vec::with_capacity(joints.len());
+    let mut lowest = Real::INFINITY;
+    for (j, joint) in joints.iter().enumerate() {
+        let above = joint.parent.map_or(Turn::identity(), |p| turned[p]);
+        let head = joint
+            .parent
+            .map_or(joint.head.coords, |p| heads[p] + above * (joint.head - joints[p].head));
+        heads.push(head);
+        turned.push(matches[j].map_or(above, |_| align[j]));
+        if is_below[j] {
+            let tail = head + turned[j] * (joint.tail - joint.head);
+            lowest = lowest.min(head.y).min(tail.y);
+        }
+    }
+    heads[hips].y - lowest
 }
 
 /// The joint from which all limbs hang: the root, or one below it where the root lies on the floor, as in
@@ -173,6 +254,8 @@ struct Name {
 
 /// Usual names of the joints of a leg.
 const LEG: [&str; 3] = ["thigh", "shin", "foot"];
+/// Usual names of the joints of an arm.
+const ARM: [&str; 4] = ["shoulder", "arm", "forearm", "hand"];
 /// Names for the same joint of a limb, the usual one first.
 const SYNONYMS: [&[&str]; 8] = [
     &["thigh", "upleg", "upperleg", "hip"],

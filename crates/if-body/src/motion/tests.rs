@@ -403,3 +403,63 @@ fn invalid_bvh_files_are_errors_that_name_the_place() {
     assert!(error(&text).contains("the file ends where a joint"));
     assert!(matches!(Motion::read(&[0xff, 0xfe][..], &skeleton), Err(MotionError::Text)));
 }
+
+/// Limbs as CMU names them, about a spine of these joints of the same shape.
+fn person(spine: &[(&str, Real)]) -> Skeleton {
+    let mut joints: Vec<Joint> = Vec::new();
+    let mut add = |name: String, parent: Option<usize>, at: [Real; 3]| {
+        let head = Point::from(at);
+        joints.push(Joint { name, parent, head, tail: head + Vector::new(0.0, 0.05, 0.0) });
+        joints.len() - 1
+    };
+    let hips = add("Hips".into(), None, [0.0, 1.0, 0.0]);
+    for (side, x) in [("Left", 1.0), ("Right", -1.0)] {
+        let mut last = hips;
+        for (name, y) in [("UpLeg", 0.95), ("Leg", 0.5), ("Foot", 0.05)] {
+            last = add(format!("{side}{name}"), Some(last), [0.1 * x, y, 0.0]);
+        }
+    }
+    let mut chest = hips;
+    for (name, share) in spine {
+        chest = add((*name).into(), Some(chest), [0.0, 1.0 + 0.4 * share, 0.0]);
+    }
+    for (side, x) in [("Left", 1.0), ("Right", -1.0)] {
+        let mut last = chest;
+        for (name, far) in [("Arm", 0.2), ("ForeArm", 0.45), ("Hand", 0.7)] {
+            last = add(format!("{side}{name}"), Some(last), [far * x, 1.42, 0.0]);
+        }
+    }
+    Skeleton::new(joints).unwrap()
+}
+
+/// Rigs number and name the joints of the spine each in its own way.
+#[test]
+fn a_chest_bends_as_that_of_the_file() {
+    let cmu = [("LowerBack", 0.2), ("Spine", 0.6), ("Spine1", 1.0)];
+    let skeleton = person(&cmu);
+    let others: [&[(&str, Real)]; 5] = [
+        &cmu,
+        &[("Spine", 0.3), ("Spine1", 0.6), ("Spine2", 1.0)],
+        &[("spine_01", 0.2), ("spine_02", 0.4), ("spine_03", 0.7), ("spine_04", 1.0)],
+        &[("Chest", 0.5), ("Chest2", 1.0)],
+        &[("torso", 1.0)],
+    ];
+    for spine in others {
+        let file = person(spine);
+        let mut bent = Pose::rest(file.len());
+        let first = file.names().position(|name| name == spine[0].0).unwrap();
+        for (k, turn) in bent.rotations[first..][..spine.len()].iter_mut().enumerate() {
+            *turn = UnitQuaternion::from_euler_angles(0.3 + 0.1 * k as Real, 0.0, 0.0);
+        }
+        let motion =
+            Motion::read(written(&file, &[bent.clone()], 1.0).as_bytes(), &skeleton).unwrap();
+        let chest = |skeleton: &Skeleton, pose: &Pose, name: &str| {
+            let j = skeleton.names().position(|n| n == name).unwrap();
+            skeleton.frames(pose).unwrap()[j].rotation
+        };
+        let expected = chest(&file, &bent, spine[spine.len() - 1].0);
+        let found = chest(&skeleton, &motion.poses[0], "Spine1");
+        assert!(found.angle_to(&expected) < 1e-6, "{spine:?}: {}", found.angle_to(&expected));
+        assert_eq!(motion.unmatched, [""; 0], "{spine:?}");
+    }
+}

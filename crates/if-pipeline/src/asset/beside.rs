@@ -25,6 +25,16 @@ impl Beside {
         })
     }
 
+    /// The content without skinning weights: joints are numbers in one skeleton.
+    pub(crate) fn without_weights(mut self) -> Self {
+        let is_weight = |name: &str| {
+            let (kind, slot) = name.split_at_checked(1).unwrap_or_default();
+            matches!(kind, "j" | "w") && matches!(slot, "0" | "1" | "2" | "3")
+        };
+        self.0.vertex_properties.retain(|property| !is_weight(&property.name));
+        self
+    }
+
     /// The file with a mesh of as many vertices and the same triangles. Weights replace those of the
     /// file.
     pub fn file(&self, mesh: TriMesh, skin: Option<&SkinWeights>) -> PlyMesh {

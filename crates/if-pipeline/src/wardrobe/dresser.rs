@@ -130,7 +130,7 @@ impl<'a> Dresser<'a> {
         self.garments.get((garment.to_owned(), body.to_owned()), || {
             let info = self.wardrobe.garment_info(garment)?;
             let own_name = self.wardrobe.body_like(garment, &info.body)?.name.clone();
-            let asset = self.wardrobe.garment(garment)?;
+            let mut asset = self.wardrobe.garment(garment)?;
             let (own, other) = (self.dummy(&own_name)?, self.dummy(body)?);
             let align = |source| WardrobeError::Align {
                 garment: garment.into(),
@@ -146,6 +146,17 @@ impl<'a> Dresser<'a> {
             let mesh = moved.with_vertices(rounded).map_err(|e| align(e.into()))?;
             let [before, after] = [&own, &other].map(|dummy| dummy.prepared.closed());
             let report = measure(&map, (&asset.mesh, before), (&mesh, after));
+            // Joints are numbers in the skeleton of the garment's own body, and readers of the file
+            // take them for numbers in that of the body it is worn on.
+            let skeletons = own.body.skeleton.as_ref().zip(other.body.skeleton.as_ref());
+            if let Some((skin, (from, to))) =
+                asset.skin.take_if(|_| skeletons.is_some()).zip(skeletons)
+            {
+                asset.skin = skin.for_skeleton(from, to);
+                if asset.skin.is_none() {
+                    asset.beside = asset.beside.without_weights();
+                }
+            }
             Ok(AlignedGarment { asset, mesh, report })
         })
     }

@@ -3,9 +3,10 @@ use super::combination::{Combination, Order, RandomParams, random};
 use super::dresser::Dresser;
 use super::matching::{MatchParams, State};
 use super::*;
-use crate::asset::{LayerHint, Provenance};
+use crate::asset::{Beside, LayerHint, Provenance};
 use if_body::align::Method;
-use if_body::mannequin::{Garment, MannequinParams, body, garment};
+use if_body::mannequin::{Garment, MannequinParams, body, garment, rig};
+use if_body::{Joint, Skeleton, SkinWeights};
 use if_core::math::Point;
 use if_core::mesh::TriMesh;
 use if_mesh::atomic;
@@ -445,6 +446,57 @@ fn a_garment_of_one_body_is_worn_on_the_other() {
         dresser.dress(&on("slim", &["coat", "coat"])),
         Err(WardrobeError::Twice { .. })
     ));
+}
+
+/// Joints are numbers in the skeleton of a garment's own body.
+#[test]
+fn weights_of_a_garment_follow_the_skeleton_of_the_body_that_wears_it() {
+    let root = tempfile::tempdir().unwrap();
+    let mut wardrobe = Wardrobe::open(root.path().join("wardrobe")).unwrap();
+    let (mesh, shirt) = (body(&COARSE), garment(Garment::Tshirt, &COARSE));
+    let own = rig::skeleton();
+    let swapped = {
+        // Both hang from the same joint.
+        let mut joints = own.joints().to_vec();
+        let [left, right] =
+            ["left_thigh", "right_thigh"].map(|name| own.names().position(|n| n == name).unwrap());
+        assert_eq!(joints[left].parent, joints[right].parent);
+        let name = std::mem::take(&mut joints[left].name);
+        joints[left].name = std::mem::replace(&mut joints[right].name, name);
+        Skeleton::new(joints).unwrap()
+    };
+    let strange = {
+        let renamed =
+            own.joints().iter().map(|j| Joint { name: format!("x{}", j.name), ..j.clone() });
+        Skeleton::new(renamed.collect()).unwrap()
+    };
+    let mut first = None;
+    for (name, skeleton) in [("own", &own), ("swapped", &swapped), ("strange", &strange)] {
+        let [ply, json] = ["ply", "json"].map(|end| root.path().join(format!("{name}.{end}")));
+        write_path(&PlyMesh::new(mesh.clone()), mesh.vertices(), &WriteParams::default(), &ply)
+            .unwrap();
+        skeleton.write(fs::File::create(&json).unwrap()).unwrap();
+        let new = NewBody { skeleton: Some(&json), ..NewBody::new(name, &ply) };
+        let added = wardrobe.add_body(&new).unwrap();
+        first.get_or_insert(added);
+    }
+    let n = shirt.vertices().len();
+    let leg = own.names().position(|n| n == "left_thigh").unwrap() as u16;
+    let weights = vec![[1.0, 0.0, 0.0, 0.0]; n];
+    let skin = SkinWeights::new(vec![[leg, 0, 0, 0]; n], weights, own.len()).unwrap();
+    let provenance = Provenance::default();
+    let given = parts("shirt", &shirt, first.as_ref().unwrap(), &provenance);
+    let ply = PlyMesh { vertex_properties: skin.to_properties(), ..PlyMesh::new(shirt.clone()) };
+    let beside = Beside::of(&ply);
+    wardrobe.add(&Parts { skin: Some(&skin), beside: Some(&beside), ..given }).unwrap();
+    let dresser = Dresser::new(&wardrobe, Default::default());
+    let asset = |body: &str| dresser.aligned("shirt", body).unwrap().asset.clone();
+    assert_eq!(asset("own").skin, Some(skin));
+    let moved = asset("swapped").skin.unwrap();
+    assert_eq!(swapped.joints()[usize::from(moved.joints()[0][0])].name, "left_thigh");
+    let without = asset("strange");
+    assert_eq!(without.skin, None);
+    assert_eq!(without.beside.file(shirt, None).vertex_properties, vec![]);
 }
 
 #[test]
