@@ -460,6 +460,8 @@ fn a_chest_bends_as_that_of_the_file() {
         let expected = chest(&file, &bent, spine[spine.len() - 1].0);
         let found = chest(&skeleton, &motion.poses[0], "Spine1");
         assert!(found.angle_to(&expected) < 1e-6, "{spine:?}: {}", found.angle_to(&expected));
-        assert_eq!(motion.unmatched, [""; 0], "{spine:?}");
+        // What is nearer to the hips follows them.
+        let missing = if spine[0].1 >= 0.4 { &["LowerBack", "Spine"][..] } else { &[] };
+        assert!(motion.unmatched.iter().all(|name| missing.contains(&name.as_str())), "{spine:?}");
     }
 }
