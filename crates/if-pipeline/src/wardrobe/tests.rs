@@ -452,7 +452,7 @@ fn a_garment_of_one_body_is_worn_on_the_other() {
 #[test]
 fn weights_of_a_garment_follow_the_skeleton_of_the_body_that_wears_it() {
     let root = tempfile::tempdir().unwrap();
-    let mut wardrobe = Wardrobe::open(root.path().join("wardrobe")).unwrap();
+    let mut wardrobe = Wardrobe::open(&root.path().join("wardrobe")).unwrap();
     let (mesh, shirt) = (body(&COARSE), garment(Garment::Tshirt, &COARSE));
     let own = rig::skeleton();
     let swapped = {
