@@ -1,6 +1,7 @@
 //! Motions of one skeleton on another: bones point where those of the other point.
 
 use super::bvh::{Bvh, BvhError};
+use crate::pose::Pose;
 use crate::skeleton::{SHORT, Skeleton};
 use if_core::math::{Point, Real, Vector};
 use nalgebra::UnitQuaternion;
@@ -22,9 +23,9 @@ pub(super) struct Retargeted {
 /// With B the rotation of a joint of the file in the world, the skeleton's joint has W = B A there,
 /// where A turns its bone in the rest pose to that of the file: by quarter turns about y to the side
 /// that the person faces, then the shortest way; of a hand as its arm, then the shortest way to its
-/// fingers. Joints of the spine are matched by their share of its length, all others by name. Joints that the file lacks follow their parents.
-/// Translations are those of the [hips](hips), scaled by their heights; joints above them stay as they
-/// are. The first frame is above the origin; the floor of the file, y = 0, is that of the body where its
+/// fingers. Joints of the spine are matched by their share of its length, all others by name; those
+/// that the file lacks follow their parents. Translations are those of the [hips](hips), scaled by
+/// their heights in the rest pose of the file; joints above them stay as they are. The first frame is above the origin; the floor of the file, y = 0, is that of the body where its
 /// feet are near that, else its lowest joint.
 ///
 /// # Errors
@@ -37,7 +38,7 @@ pub(super) fn retarget(bvh: &Bvh, skeleton: &Skeleton) -> Result<Retargeted, Bvh
     let height = hip_height(bvh, &rest, hips_of_file)?;
     let joints = skeleton.joints();
     let root = joints[hips].head;
-    let is_below = below(|j| joints[j].parent, joints.len(), hips);
+    let is_below = below(|j| joints[j].parent, joints.len(), |j| j == hips);
     let own = joints.iter().zip(&is_below).filter(|(_, is_below)| **is_below);
     let ends = own.flat_map(|(j, _)| [j.head.y, j.tail.y]);
     let lowest = ends.fold(root.y, Real::min);
@@ -46,9 +47,8 @@ pub(super) fn retarget(bvh: &Bvh, skeleton: &Skeleton) -> Result<Retargeted, Bvh
 
     let facing = facing(&root, skeleton, &matches, &rest);
     let mut align: Vec<Turn> = Vec::with_capacity(joints.len());
-    let mut of_limb: Vec<bool> = Vec::with_capacity(joints.len());
+    let of_limb = below(|j| joints[j].parent, joints.len(), |j| is_limb[j]);
     for (j, joint) in joints.iter().enumerate() {
-        of_limb.push(is_limb[j] || joint.parent.is_some_and(|p| of_limb[p]));
         let inherited = joint.parent.map_or(facing, |p| align[p]);
         align.push(match bones(bvh, skeleton, (&matches, is_limb[j]), &rest, j) {
             // Opposite bones have no shortest way.
@@ -57,17 +57,12 @@ pub(super) fn retarget(bvh: &Bvh, skeleton: &Skeleton) -> Result<Retargeted, Bvh
             Bones::Fan(own, other) => Turn::rotation_between(&(inherited * own), &other)
                 .map_or(inherited, |swing| swing * inherited),
             Bones::Many => facing,
-            // A hand goes on as its arm; a head does not lean back because the neck of the file is upright.
+            // A hand goes on as its arm; a head does not lean because the neck of the file does not.
             Bones::None if of_limb[j] => inherited,
             Bones::None => facing,
         });
     }
-    let own_height = own_hip_height(skeleton, (&matches, &align), &is_below, hips);
-    let scale = own_height / height;
-
-    let first = bvh.frames(hips_of_file).next();
-    let start = first.map_or(Vector::zeros(), |(p, _)| Vector::new(p.x, 0.0, p.z));
-    let poses = bvh.frames(hips_of_file).map(|(position, turns)| {
+    let local = |turns: &[Turn]| {
         let mut world: Vec<Turn> = Vec::with_capacity(joints.len());
         let mut local = Vec::with_capacity(joints.len());
         for (j, joint) in joints.iter().enumerate() {
@@ -76,7 +71,19 @@ pub(super) fn retarget(bvh: &Bvh, skeleton: &Skeleton) -> Result<Retargeted, Bvh
             world.push(turn);
             local.push(above.inverse() * turn);
         }
-        ((position - start) * scale - Vector::y() * (root.y - floor), local)
+        local
+    };
+    // In the skeleton's own rest pose legs may be spread or in a stride.
+    let as_file = Pose {
+        root_translation: Vector::zeros(),
+        rotations: local(&vec![Turn::identity(); bvh.joints.len()]),
+    };
+    let scale = own_hip_height(skeleton, &as_file, &is_below, hips) / height;
+
+    let first = bvh.frames(hips_of_file).next();
+    let start = first.map_or(Vector::zeros(), |(p, _)| Vector::new(p.x, 0.0, p.z));
+    let poses = bvh.frames(hips_of_file).map(|(position, turns)| {
+        ((position - start) * scale - Vector::y() * (root.y - floor), local(&turns))
     });
     let above = above(|j| joints[j].parent, hips);
     let missing = (0..joints.len()).filter(|j| matches[*j].is_none() && !above.contains(j));
@@ -146,8 +153,8 @@ fn matches(bvh: &Bvh, skeleton: &Skeleton) -> Result<Matches, BvhError> {
 }
 
 /// The joints of the spine, from above the hips to where both arms hang, and those of the file at the
-/// nearest share of its length: every rig numbers and names them otherwise (`Spine2`, `spine_03`, `Chest`).
-/// None where that is the hips.
+/// nearest share of its length: every rig numbers and names them otherwise (`Spine2`, `spine_03`,
+/// `Chest`). None where that is the hips.
 fn spine(
     bvh: &Bvh,
     skeleton: &Skeleton,
@@ -164,9 +171,10 @@ fn spine(
     let other = shares(|k| bvh.joints[k].parent, |k| rest[k], [hips[1], chest[1]]);
     let (Some(own), Some(other)) = (own, other) else { return HashMap::new() };
     let nearest = |share: Real| {
-        let far = |of: Real| (of - share).abs();
-        let nearer = |a: (usize, Real), b: (usize, Real)| if far(b.1) <= far(a.1) { b } else { a };
-        other.iter().copied().reduce(nearer).map(|(k, _)| k).filter(|k| *k != hips[1])
+        let far = |(_, of): &(usize, Real)| (of - share).abs();
+        // Of two as near the one that is farther from the hips.
+        let found = other.iter().rev().min_by(|a, b| far(a).total_cmp(&far(b)));
+        found.map(|(k, _)| *k).filter(|k| *k != hips[1])
     };
     own[1..].iter().map(|(j, share)| (*j, nearest(*share))).collect()
 }
@@ -189,31 +197,14 @@ fn shares(
     (length > SHORT).then(|| shares.into_iter().map(|(j, s)| (j, s / length)).collect())
 }
 
-/// The height of the hips of the skeleton above its lowest joint in the rest pose of the file: in its own
-/// legs may be spread or in a stride.
-fn own_hip_height(
-    skeleton: &Skeleton,
-    (matches, align): (&[Option<usize>], &[Turn]),
-    is_below: &[bool],
-    hips: usize,
-) -> Real {
-    let joints = skeleton.joints();
-    let mut turned: Vec<Turn> = Vec::with_capacity(joints.len());
-    let mut heads: Vec<Vector> = Vec::with_capacity(joints.len());
-    let mut lowest = Real::INFINITY;
-    for (j, joint) in joints.iter().enumerate() {
-        let above = joint.parent.map_or(Turn::identity(), |p| turned[p]);
-        let head = joint
-            .parent
-            .map_or(joint.head.coords, |p| heads[p] + above * (joint.head - joints[p].head));
-        heads.push(head);
-        turned.push(matches[j].map_or(above, |_| align[j]));
-        if is_below[j] {
-            let tail = head + turned[j] * (joint.tail - joint.head);
-            lowest = lowest.min(head.y).min(tail.y);
-        }
-    }
-    heads[hips].y - lowest
+/// The height of the hips of a skeleton in a pose above the lowest joint below them.
+fn own_hip_height(skeleton: &Skeleton, pose: &Pose, is_below: &[bool], hips: usize) -> Real {
+    let frames = skeleton.frames(pose).expect("a turn for each joint");
+    let own = skeleton.joints().iter().zip(&frames).zip(is_below).filter(|(_, below)| **below);
+    let ends = own.flat_map(|((joint, frame), _)| {
+        [frame.translation.y, (frame * Point::from(joint.tail - joint.head)).y]
+    });
+    frames[hips].translation.y - ends.fold(Real::INFINITY, Real::min)
 }
 
 /// The joint from which all limbs hang: the root, or one below it where the root lies on the floor, as in
@@ -230,11 +221,15 @@ fn hips(parent: impl Fn(usize) -> Option<usize>, limbs: impl Iterator<Item = usi
     limbs.reduce(common).unwrap_or(0)
 }
 
-/// Whether each of so many joints is this one or below it.
-fn below(parent: impl Fn(usize) -> Option<usize>, count: usize, joint: usize) -> Vec<bool> {
+/// Whether each of so many joints is one of the first ones or below one.
+fn below(
+    parent: impl Fn(usize) -> Option<usize>,
+    count: usize,
+    is_first: impl Fn(usize) -> bool,
+) -> Vec<bool> {
     let mut is_below: Vec<bool> = Vec::with_capacity(count);
     for j in 0..count {
-        is_below.push(j == joint || parent(j).is_some_and(|p| is_below[p]));
+        is_below.push(is_first(j) || parent(j).is_some_and(|p| is_below[p]));
     }
     is_below
 }
@@ -336,7 +331,7 @@ impl Name {
 
 /// Height of the hips above the lowest joint or end below them in the rest pose, which is counted from them.
 fn hip_height(bvh: &Bvh, rest: &[Vector], hips: usize) -> Result<Real, BvhError> {
-    let is_below = below(|k| bvh.joints[k].parent, rest.len(), hips);
+    let is_below = below(|k| bvh.joints[k].parent, rest.len(), |k| k == hips);
     let (mut low, mut high) = (Vector::zeros(), Vector::zeros());
     let all = bvh.joints.iter().zip(rest).zip(is_below);
     for ((joint, at), _) in all.filter(|(_, is_below)| *is_below) {

@@ -465,3 +465,53 @@ fn a_chest_bends_as_that_of_the_file() {
         assert!(motion.unmatched.iter().all(|name| missing.contains(&name.as_str())), "{spine:?}");
     }
 }
+
+#[test]
+fn feet_of_a_body_with_spread_legs_stay_on_the_floor() {
+    let file = person(&[("Spine", 1.0)]);
+    let mut spread = Pose::rest(file.len());
+    for (name, angle) in [("LeftUpLeg", 0.5), ("RightUpLeg", -0.5)] {
+        let j = file.names().position(|n| n == name).unwrap();
+        spread.rotations[j] = UnitQuaternion::from_euler_angles(0.0, 0.0, angle);
+    }
+    let frames = file.frames(&spread).unwrap();
+    let moved = |(frame, joint): (&nalgebra::Isometry3<Real>, &Joint)| Joint {
+        head: frame.translation.vector.into(),
+        tail: frame * Point::from(joint.tail - joint.head),
+        ..joint.clone()
+    };
+    let body = Skeleton::new(frames.iter().zip(file.joints()).map(moved).collect()).unwrap();
+    let lowest = |frames: &[nalgebra::Isometry3<Real>]| {
+        frames.iter().map(|f| f.translation.y).fold(Real::INFINITY, Real::min)
+    };
+    let standing = written(&file, &[Pose::rest(file.len())], 1.0);
+    let motion = Motion::read(standing.as_bytes(), &body).unwrap();
+    let [own, now] =
+        [&Pose::rest(body.len()), &motion.poses[0]].map(|p| lowest(&body.frames(p).unwrap()));
+    assert!(now > own - 1e-9, "{now} below the floor, {own}");
+}
+
+#[test]
+fn a_head_without_an_end_does_not_lean_as_the_neck() {
+    let with_neck = |lean: Real| {
+        let mut joints = person(&[("Spine", 1.0)]).joints().to_vec();
+        let chest = joints.iter().position(|j| j.name == "Spine").unwrap();
+        let neck = Point::new(0.0, 1.45, 0.0);
+        let head = neck + Vector::new(0.0, 0.1, lean);
+        let up = Vector::new(0.0, 0.2, 0.0);
+        joints.push(Joint { name: "Neck".into(), parent: Some(chest), head: neck, tail: head });
+        let parent = Some(joints.len() - 1);
+        joints.push(Joint { name: "Head".into(), parent, head, tail: head + up });
+        Skeleton::new(joints).unwrap()
+    };
+    let (file, body) = (with_neck(0.0), with_neck(0.05));
+    let text = written(&file, &[Pose::rest(file.len())], 1.0);
+    let (before, after) = text.split_once("JOINT Head").unwrap();
+    let (joint, end) = after.split_once("End Site").unwrap();
+    let (_, rest) = end.split_once("}\n").unwrap();
+    let text = format!("{before}JOINT Head{joint}{rest}");
+    let motion = Motion::read(text.as_bytes(), &body).unwrap();
+    let frames = body.frames(&motion.poses[0]).unwrap();
+    let [neck, head] = [2, 1].map(|k| frames[body.len() - k].rotation.angle());
+    assert!(neck > 0.4 && head < 1e-6, "{neck} {head}");
+}

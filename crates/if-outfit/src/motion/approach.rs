@@ -6,9 +6,6 @@ use if_core::monitor::Monitor;
 use if_mesh::point_tree::PointTree;
 use rayon::prelude::*;
 
-/// Share of the gaps of a walk that [`Walker::approach`] keeps. With all of them means are pushed back
-/// to where the walked states were, and tremble as these do; with half of this no less.
-pub(super) const APPROACH: Real = 0.3;
 /// Displacement of the body far from its own overlaps that [`Walker::approach`] takes over, in metres:
 /// less than counts as yielding, 1 mm, with 0.1 mm of layers that were moved apart at rest.
 const FAR: Real = 0.8e-3;
@@ -57,7 +54,7 @@ impl Walker {
         let mut stuck = Vec::new();
         let mut ways = 0;
         loop {
-            let walked = self.go(from, &held_back(from, to, &stuck), reference, monitor)?;
+            let walked = self.go(from, held_back(from, to, &stuck), reference, monitor)?;
             let astray = (garments..to.len()).filter(|v| squared(*v, &self.clean.x) > farthest);
             let astray: Vec<usize> = astray.collect();
             if walked.unresolved.is_empty() && astray.is_empty() {
@@ -65,10 +62,11 @@ impl Walker {
             }
             ways += 1;
             if ways == MOST_WAYS {
-                if !astray.is_empty() {
-                    self.restart(from.to_vec())?;
+                if astray.is_empty() {
+                    return Ok(walked);
                 }
-                return Ok(walked);
+                self.restart(from.to_vec())?;
+                return Ok(Walked { reached: 0.0, ..walked });
             }
             let triangles = walked.unresolved.iter().flatten();
             let corners = triangles.flat_map(|(layer, t)| self.scene.corners_of(*layer, *t));
@@ -81,14 +79,13 @@ impl Walker {
     fn go(
         &mut self,
         from: &[Point],
-        to: &[Point],
+        mut to: Vec<Point>,
         reference: &[Point],
         monitor: &mut dyn Monitor,
     ) -> Result<Walked, WalkError> {
         self.restart(from.to_vec())?;
         self.clean.is_verified = self.clean.x == from;
         let yielding = self.yielding(reference);
-        let mut to = to.to_vec();
         for v in (0..self.scene.starts[1]).filter(|v| yielding.inverse_mass[*v] == 0.0) {
             to[v] = reference[v] + (to[v] - reference[v]).cap_magnitude(FAR);
         }
@@ -99,10 +96,8 @@ impl Walker {
             }
         }
         let params = self.params;
-        let watched = params.gap + params.margin;
-        self.params.gap *= APPROACH;
-        self.params.share *= APPROACH;
-        self.params.margin = watched - self.params.gap;
+        let watched = params.watched();
+        self.params = params.approaching();
         // Primitives that are not watched cannot pass each other within a step.
         let moves = from.iter().zip(&to).map(|(a, b)| (b - a).norm_squared());
         let largest = moves.fold(0.0, Real::max).sqrt();
@@ -164,7 +159,7 @@ mod tests {
         }
         let far =
             |x: &[Point]| (garments..x.len()).map(|v| (x[v] - to[v]).norm()).fold(0.0, Real::max);
-        walker.go(&from, &to, &from, &mut Silent).unwrap();
+        walker.go(&from, to.clone(), &from, &mut Silent).unwrap();
         assert!(far(walker.positions()) > 0.08e-3, "the skin pushes: {}", far(walker.positions()));
         walker.approach(&from, &to, &from, &mut Silent).unwrap();
         let now = walker.positions();

@@ -12,9 +12,9 @@
 //! [Baraff et al. 2003]. The rest is pushed out by millimetres, where the body yielded beside the
 //! pinch.
 
-use super::approach::APPROACH;
 use super::facing::{pinched, room};
 use super::locality::Yielding;
+use super::params::WalkParams;
 use super::proof::{Proof, prove};
 use super::walk::{WalkError, Walked, Walker};
 use crate::findings::own_with;
@@ -82,11 +82,8 @@ impl Walker {
         let mut yielding = Yielding::everywhere(&self.scene);
         yielding.inverse_mass[..self.scene.starts[1]].fill(0.0);
         let params = self.params;
-        let watched = params.gap + params.margin;
-        self.params.gap *= APPROACH;
-        self.params.share *= APPROACH;
-        self.params.margin = watched - self.params.gap;
-        self.params.halvings = HALVINGS;
+        let watched = params.watched();
+        self.params = WalkParams { halvings: HALVINGS, ..params.approaching() };
         let mut walked = Ok(Walked::default());
         for _ in 0..=RINGS {
             let begin = self.target.clone();

@@ -53,6 +53,10 @@ impl Default for WalkParams {
     }
 }
 
+/// Share of the gaps of a walk that [`WalkParams::approaching`] keeps. With all of them means are pushed
+/// back to where the walked states were, and tremble as these do; with half of this no less.
+const APPROACH: Real = 0.3;
+
 impl WalkParams {
     /// Checks the ranges.
     ///
@@ -79,5 +83,16 @@ impl WalkParams {
         count("sweeps", self.sweeps, 10_000, "from 1 to 10000")?;
         count("solves", self.solves, 100, "from 1 to 100")?;
         check("halvings", self.halvings.into(), self.halvings <= 20, "at most 20")
+    }
+
+    /// Distance up to which primitives are watched.
+    pub(super) fn watched(&self) -> Real {
+        self.gap + self.margin
+    }
+
+    /// Those by which layers come nearer to one another than in a walk, and watch as far.
+    pub(super) fn approaching(self) -> Self {
+        let gap = self.gap * APPROACH;
+        Self { gap, share: self.share * APPROACH, margin: self.watched() - gap, ..self }
     }
 }

@@ -27,11 +27,8 @@ impl Beside {
 
     /// The content without skinning weights: joints are numbers in one skeleton.
     pub(crate) fn without_weights(mut self) -> Self {
-        let is_weight = |name: &str| {
-            let (kind, slot) = name.split_at_checked(1).unwrap_or_default();
-            matches!(kind, "j" | "w") && matches!(slot, "0" | "1" | "2" | "3")
-        };
-        self.0.vertex_properties.retain(|property| !is_weight(&property.name));
+        let weights = ["j0", "j1", "j2", "j3", "w0", "w1", "w2", "w3"];
+        self.0.vertex_properties.retain(|property| !weights.contains(&property.name.as_str()));
         self
     }
 
