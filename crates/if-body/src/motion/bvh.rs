@@ -35,10 +35,10 @@ pub enum BvhError {
     NotUpright { height: Real, width: Real, depth: Real },
     /// Fewer than half of the skeleton's joints are in the file.
     #[error(
-        "{found} of the skeleton's {joints} joints are in the file, among the others not `{missing}`; \
-         rename the joints of the one like those of the other"
+        "{found} of the skeleton's {joints} joints are in the file, among the others not `{missing}`; the file has \
+         `{}` and others: rename the joints of the one like those of the other", in_file.join("`, `")
     )]
-    Joints { found: usize, joints: usize, missing: String },
+    Joints { found: usize, joints: usize, missing: String, in_file: Vec<String> },
 }
 
 /// A motion as the file has it.

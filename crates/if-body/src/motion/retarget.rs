@@ -91,6 +91,9 @@ pub(super) fn retarget(bvh: &Bvh, skeleton: &Skeleton) -> Result<Retargeted, Bvh
     Ok(Retargeted { poses: poses.collect(), unmatched })
 }
 
+/// Joints of a file that an error names.
+const NAMED: usize = 4;
+
 /// Which joints belong together.
 struct Matches {
     /// The joint of the file for each joint of the skeleton.
@@ -145,9 +148,12 @@ fn matches(bvh: &Bvh, skeleton: &Skeleton) -> Result<Matches, BvhError> {
     let of: Vec<Option<usize>> = (0..names.len()).map(of).collect();
     let found = of.iter().flatten().count();
     if 2 * found < skeleton.len() {
-        let missing = skeleton.names().zip(&of).find(|(_, m)| m.is_none());
-        let missing = missing.map_or("", |(name, _)| name).to_owned();
-        return Err(BvhError::Joints { found, joints: skeleton.len(), missing });
+        // A limb tells more of how joints are named than a handle of a rig does.
+        let missing = || skeleton.names().zip(&of).zip(&names).filter(|((_, m), _)| m.is_none());
+        let missing = missing().find(|(_, name)| name.is_limb()).or_else(|| missing().next());
+        let missing = missing.map_or("", |((name, _), _)| name).to_owned();
+        let in_file = bvh.joints.iter().take(NAMED).map(|joint| joint.name.clone()).collect();
+        return Err(BvhError::Joints { found, joints: skeleton.len(), missing, in_file });
     }
     Ok(Matches { of, is_limb: names.iter().map(Name::is_limb).collect(), hips })
 }
@@ -270,7 +276,8 @@ impl Name {
     /// The names of a skeleton. Some mean another joint by what else its list has on that side: SMPL,
     /// Biovision and Kinect call the upper arm a shoulder, the toes a foot and the palm a hand.
     fn all<'a>(names: impl Iterator<Item = &'a str>) -> Vec<Self> {
-        let mut names: Vec<(Self, String)> = names.map(Self::new).collect();
+        let mut names: Vec<(Self, String)> =
+            without_prefix(names.collect()).into_iter().map(Self::new).collect();
         for side in ['l', 'r'] {
             let has = |any: &[&str]| {
                 let own = names.iter().filter(|(name, _)| name.usual.0 == Some(side));
@@ -315,17 +322,49 @@ impl Name {
             }
             before = c;
         }
-        let side = |word: &str| match word {
-            "l" | "left" => Some('l'),
-            "r" | "right" => Some('r'),
-            _ => None,
-        };
         let plain = words.concat();
         let at = words.iter().find_map(|w| side(w));
         let joined: String = words.iter().filter(|w| side(w).is_none()).cloned().collect();
         let usual = SYNONYMS.iter().find(|s| at.is_some() && s.contains(&joined.as_str()));
         let usual = usual.map_or(joined.clone(), |s| s[0].to_owned());
         (Self { plain, usual: (at, usual) }, joined)
+    }
+}
+
+/// The side that a word in lower case names.
+fn side(word: &str) -> Option<char> {
+    match word {
+        "l" | "left" => Some('l'),
+        "r" | "right" => Some('r'),
+        _ => None,
+    }
+}
+
+/// The names without the first parts, up to a separator, that most of them share: `mixamorig_`, `Bip01 `,
+/// `DEF-`. A side is none, also where all have the same.
+pub(super) fn without_prefix(mut names: Vec<&str>) -> Vec<&str> {
+    let first_part = |name: &str| {
+        let at = name.find(|c: char| !c.is_alphanumeric())?;
+        let (separator, rest) = (name[at..].chars().next()?.len_utf8(), name.len());
+        let is_prefix =
+            at > 0 && at + separator < rest && side(&name[..at].to_lowercase()).is_none();
+        is_prefix.then(|| at + separator)
+    };
+    loop {
+        let mut counts: HashMap<&str, usize> = HashMap::new();
+        for name in &names {
+            if let Some(end) = first_part(name) {
+                *counts.entry(&name[..end]).or_default() += 1;
+            }
+        }
+        // No two are shared by more than half.
+        let Some((prefix, _)) = counts.into_iter().find(|(_, count)| 4 * count >= 3 * names.len())
+        else {
+            return names;
+        };
+        for name in &mut names {
+            *name = name.strip_prefix(prefix).unwrap_or(name);
+        }
     }
 }
 

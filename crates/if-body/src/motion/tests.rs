@@ -312,6 +312,29 @@ fn joints_are_named_by_several_conventions() {
 }
 
 #[test]
+fn a_prefix_that_most_names_have_is_no_part_of_them() {
+    let skeleton = Skeleton::new(half(SMPL)).unwrap();
+    for prefix in ["mixamorig_", "Bip01 ", "DEF-", "J_Bip_", "rig1:"] {
+        // The root has its own name in many rigs.
+        let renamed = |(j, joint): (usize, Joint)| {
+            let name = if j == 0 { "Bip01".into() } else { format!("{prefix}{}", joint.name) };
+            Joint { name, ..joint }
+        };
+        let file = half(CMU).into_iter().enumerate().map(renamed).collect();
+        let file = Skeleton::new(file).unwrap();
+        let mut raised = Pose::rest(file.len());
+        raised.rotations[7] = UnitQuaternion::from_euler_angles(0.0, 0.0, 1.0);
+        let text = written(&file, &[raised], 1.0);
+        let motion = Motion::read(text.as_bytes(), &skeleton).unwrap();
+        assert_eq!(motion.unmatched, [""; 0], "{prefix}");
+        let arm = &motion.poses[0].rotations[7];
+        assert!((arm.angle() - 1.0).abs() < 1e-6, "{prefix}: {}", arm.angle());
+    }
+    let names = vec!["L_arm", "L_leg", "R_arm", "R_leg", "spine_01", "spine_02"];
+    assert_eq!(super::retarget::without_prefix(names.clone()), names, "sides are no prefix");
+}
+
+#[test]
 fn a_hand_with_fingers_goes_on_as_the_arm() {
     let with_fingers = |names| {
         let mut joints = half(names);
@@ -387,7 +410,11 @@ fn invalid_bvh_files_are_errors_that_name_the_place() {
         (good.replace("JOINT spine", "JOINT hips"), "two joints are called `hips`"),
         (good.split("MOTION").next().unwrap().to_owned(), "the file ends where MOTION"),
         (good.split("Time:").next().unwrap().to_owned(), "the file ends where Time:"),
-        (good.replace("left", "west").replace("right", "east"), "3 of the skeleton's 13 joints"),
+        (
+            good.replace("left", "west").replace("right", "east"),
+            "3 of the skeleton's 13 joints are in the file, among the others not `left_",
+        ),
+        (good.replace("left", "west").replace("right", "east"), "the file has `hips`, `"),
         (lying(&good), "y must be up"),
         ("HIERARCHY\nROOT hips".to_owned(), "the name of a joint and {"),
     ];
