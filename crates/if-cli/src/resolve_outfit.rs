@@ -125,7 +125,7 @@ pub(crate) fn run(
     Ok(Outcome::Resolved(Box::new(done)))
 }
 
-/// What lies in pinches, or how far the body was drawn back for it.
+/// What lies in pinches or may come from them, or how far the body was drawn back for it.
 fn pinch_note(report: &ResolveReport) -> Option<String> {
     if let Some(drawn) = &report.drawn_back {
         let reach = drawn.extent.reach.map_or(String::new(), |reach| {
@@ -140,7 +140,15 @@ fn pinch_note(report: &ResolveReport) -> Option<String> {
             drawn.own_pairs_after
         ));
     }
-    let pinch = report.pinch.as_ref()?;
+    let Some(pinch) = &report.pinch else {
+        let (own, body) = (report.new_own_pairs(), report.after.body_own_pairs);
+        return (own > 0 && body > 0).then(|| {
+            format!(
+                "garments intersect themselves in {own} new pairs of triangles, over a body that does so in {body}; \
+                 --pinch yield draws it back there"
+            )
+        });
+    };
     let named = pinch.garments.iter().map(|g| format!("`{}` {} faces", g.name, g.faces.len()));
     Some(format!(
         "{} of the pairs left lie where the body meets itself or leaves no room ({}); --pinch yield draws it back there",
@@ -203,4 +211,32 @@ fn draw(
     let page = report_page::html(page, &pngs);
     done.outputs.push(write(outputs::PAGE, page.as_bytes())?);
     Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use if_outfit::report::{LayerReport, OwnPairs, PinchReport, Verification};
+
+    #[test]
+    fn new_own_pairs_over_a_body_that_meets_itself_name_what_mends_them() {
+        let report = |new, body_own_pairs| {
+            let mut layer = LayerReport::default();
+            layer.own_pairs = OwnPairs::new(0, new, new);
+            let mut after = Verification::default();
+            after.body_own_pairs = body_own_pairs;
+            let mut report = ResolveReport::default();
+            (report.layers, report.after) = (vec![layer], after);
+            report
+        };
+        let note = pinch_note(&report(3, 40)).unwrap();
+        for part in ["in 3 new pairs", "in 40;", "--pinch yield"] {
+            assert!(note.contains(part), "{note}");
+        }
+        assert_eq!(pinch_note(&report(0, 40)), None, "nothing is new");
+        assert_eq!(pinch_note(&report(3, 0)), None, "the body is not the cause");
+        let mut pinched = report(3, 40);
+        pinched.pinch = Some(PinchReport::default());
+        assert!(pinch_note(&pinched).unwrap().starts_with("0 of the pairs left"));
+    }
 }
