@@ -126,6 +126,7 @@ fn stages(c: &mut Criterion) {
         field: &field,
         motion: None,
         underside: None,
+        skipped: &[],
     };
     let garments = || {
         find_garments(&capture, &person, &GarmentParams::default(), &mut Silent)

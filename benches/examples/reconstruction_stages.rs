@@ -149,6 +149,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         field: &field,
         motion: Some(&motion),
         underside: underside.as_ref(),
+        skipped: &surface.report.skipped,
     };
     let found = find_garments(&capture, &person, &GarmentParams::default(), &mut Silent)?;
     println!("garments {:.2} s; {:?}", start.elapsed().as_secs_f64(), found.votes);

@@ -1,7 +1,7 @@
 //! What a reconstruction found, for people.
 
 use if_pipeline::reconstruct::{
-    FieldsReport, MotionReport, PoseReport, QualityReport, ReconstructReport, Residual,
+    FieldsReport, MotionReport, PoseReport, ReconstructReport, Residual, SurfaceReport,
 };
 
 /// A line for each stage.
@@ -33,14 +33,6 @@ pub(super) fn summary(name: &str, report: &ReconstructReport, seconds: f64) -> S
     }
     for warning in warnings(report) {
         text += &format!("  {warning}\n");
-    }
-    if pixels.contradicting > pixels.used {
-        let share = |n: usize| 100.0 * n as f64 / pixels.person.max(1) as f64;
-        text += &format!(
-            "  the normals of {:.0} % of the person's pixels contradict the surface, those of {:.0} % were used: are they as docs/reference/capture.md has them?\n",
-            share(pixels.contradicting),
-            share(pixels.used)
-        );
     }
     if let Some(fields) = &report.fields {
         text += &format!("  {}", trained(fields));
@@ -89,7 +81,8 @@ pub(super) fn warnings(report: &ReconstructReport) -> Vec<String> {
     let more = skipped.len().saturating_sub(NAMED);
     let more = (more > 0).then(|| format!("warning: {more} more frames are not used"));
     let skipped = skipped.iter().take(NAMED).map(|why| format!("warning: {why}; it is not used"));
-    let doubted = doubts(&report.surface.quality);
+    let normals = odd_normals(&report.surface);
+    let doubted = doubts(&report.surface);
     let guessed = report.garments.iter().filter(|g| g.unseen > MOST_UNSEEN).map(|garment| {
         format!(
             "warning: no frame sees {:.0} % of {}: what it has there is a guess; the person must be whole in the pictures, and turn",
@@ -97,12 +90,32 @@ pub(super) fn warnings(report: &ReconstructReport) -> Vec<String> {
             garment.name
         )
     });
-    let missing = report.missing.iter().map(|name| {
-        format!(
-            "warning: {name}: not reconstructed, too little of it was seen; more frames or pixels may show it"
-        )
+    let shown = |name: &String| report.labels.shown.get(name).copied().unwrap_or_default();
+    let cut = report.garments.iter().filter_map(|garment| {
+        let shown = shown(&garment.name);
+        (shown.at_edge as f64 > MOST_AT_EDGE * shown.frames as f64).then(|| {
+            format!(
+                "warning: the edge of the picture cuts {} in {} of {} label images: where no picture shows it, it ends",
+                garment.name, shown.at_edge, shown.frames
+            )
+        })
     });
-    skipped.chain(more).chain(doubted).chain(guessed).chain(missing).collect()
+    let missing = report.missing.iter().map(|name| match shown(name).frames {
+        0 => format!(
+            "warning: {name}: not reconstructed, no label image that was read has a pixel of its label"
+        ),
+        _ => format!(
+            "warning: {name}: not reconstructed, too little of it was seen; more frames or pixels may show it"
+        ),
+    });
+    skipped
+        .chain(more)
+        .chain(normals)
+        .chain(doubted)
+        .chain(guessed)
+        .chain(cut)
+        .chain(missing)
+        .collect()
 }
 
 /// What became of the poses, in a line.
@@ -150,9 +163,32 @@ fn trained(fields: &FieldsReport) -> String {
     )
 }
 
+/// Which axis of the normals is flipped, or that they are of something else; `None` if they are as they
+/// should be.
+fn odd_normals(surface: &SurfaceReport) -> Option<String> {
+    let axes = ["x (to the right)", "y (down)", "z (away from the camera)"];
+    let flipped = axes.into_iter().zip(surface.normal_axes).filter(|(_, of)| *of < 0.0);
+    let flipped: Vec<&str> = flipped.map(|(name, _)| name).collect();
+    if !flipped.is_empty() {
+        return Some(format!(
+            "warning: the normals point the other way than the body along {}: docs/reference/capture.md has their axes",
+            flipped.join(" and ")
+        ));
+    }
+    let pixels = &surface.pixels;
+    let share = |n: usize| 100.0 * n as f64 / pixels.person.max(1) as f64;
+    (pixels.contradicting > pixels.used).then(|| {
+        format!(
+            "warning: the normals of {:.0} % of the person's pixels contradict the surface, those of {:.0} % were used: are they as docs/reference/capture.md has them?",
+            share(pixels.contradicting),
+            share(pixels.used)
+        )
+    })
+}
+
 /// Which frames and joints do not match their images; `None` if all do.
-fn doubts(quality: &QualityReport) -> Option<String> {
-    let doubts = &quality.doubts;
+fn doubts(surface: &SurfaceReport) -> Option<String> {
+    let doubts = &surface.quality.doubts;
     let mut frames: Vec<usize> = doubts.iter().map(|d| d.frame).collect();
     frames.dedup();
     let most =
@@ -185,15 +221,24 @@ fn doubts(quality: &QualityReport) -> Option<String> {
     }
     Some(format!(
         "{text}: silhouettes are off by up to {:.0} mm, normals by up to {:.0}°, and up to {:.0} % \
-         lies outside the mask. Check poses, --pose-noise, masks and normals of these frames",
+         lies outside the mask. Check {}",
         most(|r| r.silhouette_mm),
         most(|r| r.normal_degrees),
-        100.0 * most(|r| r.outside)
+        100.0 * most(|r| r.outside),
+        match frames.len() + surface.skipped.len() < surface.frames {
+            true => "poses, --pose-noise, masks and normals of these frames",
+            false =>
+                "whether --body is this person's, the camera, and poses, --pose-noise, masks and normals",
+        }
     ))
 }
 
 /// The share of a garment that no frame sees from which on it is doubted.
 const MOST_UNSEEN: f64 = 1.0 / 3.0;
+
+/// The share of the label images with a garment that show it at their edge from which on it is warned
+/// of: a sleeve may leave the picture now and then.
+const MOST_AT_EDGE: f64 = 0.75;
 
 /// Frames and joints that a warning names.
 const NAMED: usize = 12;

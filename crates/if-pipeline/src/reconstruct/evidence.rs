@@ -38,6 +38,39 @@ pub(super) struct Evidence {
     pub(super) pixels: Pixels,
     /// For each frame the overlap (intersection over union) of its mask and the figure.
     pub(super) overlap: Vec<Real>,
+    /// How far observed normals agree with those of the surface.
+    pub(super) axes: NormalAxes,
+}
+
+/// Sums over pixels, for each axis of the camera, of the products of observed normals with those of the
+/// surface, and of their squares.
+#[derive(Clone, Copy, Default)]
+pub(super) struct NormalAxes {
+    products: Vector,
+    squares: [Vector; 2],
+}
+
+impl NormalAxes {
+    fn add(&mut self, n: &Vector, surface: &Vector) {
+        self.products += n.component_mul(surface);
+        self.squares[0] += n.component_mul(n);
+        self.squares[1] += surface.component_mul(surface);
+    }
+
+    fn plus(&mut self, other: &Self) {
+        self.products += other.products;
+        (0..2).for_each(|k| self.squares[k] += other.squares[k]);
+    }
+
+    /// The correlation on each axis: 1 where both are equal, -1 where one is the mirror image of the other,
+    /// and 0 where nothing was seen.
+    pub(super) fn correlations(&self) -> [Real; 3] {
+        let of = |k: usize| {
+            let norm = (self.squares[0][k] * self.squares[1][k]).sqrt();
+            if norm > 0.0 { self.products[k] / norm } else { 0.0 }
+        };
+        [of(0), of(1), of(2)]
+    }
 }
 
 /// The evidence of one frame.
@@ -46,6 +79,7 @@ struct Glance {
     rim: Vec<(u32, Real, Real)>,
     pixels: Pixels,
     overlap: Real,
+    axes: NormalAxes,
 }
 
 /// Collects the evidence of all frames for the canonical surface `mesh`; silhouettes farther than
@@ -65,6 +99,7 @@ pub(super) fn gather(
         rim: vec![(0.0, 0.0); mesh.vertices().len()],
         pixels: Pixels::default(),
         overlap: Vec::with_capacity(frames.len()),
+        axes: NormalAxes::default(),
     };
     for group in frames.chunks(TOGETHER) {
         let glances: Vec<Glance> = group
@@ -91,6 +126,7 @@ pub(super) fn gather(
             sum.contradicting += one.contradicting;
             sum.used += one.used;
             all.overlap.push(glance.overlap);
+            all.axes.plus(&glance.axes);
         }
     }
     all
@@ -109,8 +145,8 @@ fn glance(
         let f = figure.follows(r.vertex, &vertex_normals[r.vertex]);
         (f > FOLLOWS).then(|| (r.vertex as u32, -r.metres / f, r.weight * f * f))
     });
-    let mut glance =
-        Glance { normals: Vec::new(), rim: rim.collect(), pixels: Pixels::default(), overlap: 0.0 };
+    let (rim, pixels, axes) = (rim.collect(), Pixels::default(), NormalAxes::default());
+    let mut glance = Glance { normals: Vec::new(), rim, pixels, overlap: 0.0, axes };
     collect_normals(figure, frame, face_normals, &mut glance);
     glance
 }
@@ -150,7 +186,9 @@ fn collect_normals(
         let agreement = canonical.dot(&face_normals[t as usize]) - SAME_PLACE;
         let center = nalgebra::Point2::new((i % width) as Real + 0.5, (i / width) as Real + 0.5);
         let sight = unit_or_zero(&figure.camera.pixel_direction(&center));
-        let facing = -figure.face_normal(t).dot(&sight);
+        let face = figure.face_normal(t);
+        glance.axes.add(&n, &face);
+        let facing = -face.dot(&sight);
         if agreement <= 0.0 || facing <= 0.0 || n.dot(&sight) >= 0.0 {
             pixels.contradicting += usize::from(person);
             continue;

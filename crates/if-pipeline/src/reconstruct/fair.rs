@@ -162,6 +162,7 @@ mod tests {
             rim: vec![(0.0, 0.0); mesh.vertices().len()],
             pixels: Pixels::default(),
             overlap: Vec::new(),
+            axes: Default::default(),
         }
     }
 

@@ -6,6 +6,8 @@ use super::hems;
 use super::lids;
 use super::motion::MeshMotion;
 use super::progress;
+use super::shown::{LabelShown, Shown};
+use super::skipped::Skipped;
 use super::underside::Underside;
 use crate::asset::LayerHint;
 use crate::capture::{Capture, FIRST_GARMENT};
@@ -85,6 +87,8 @@ pub struct Garments {
     pub labels: Vec<u8>,
     /// Report of the votes.
     pub votes: VoteReport,
+    /// How the label images that were read show each label of the capture.
+    pub shown: Vec<LabelShown>,
     /// The garments in the order of the capture, inner to outer, without the missing ones.
     pub garments: Vec<Garment>,
     /// Garments that no frame shows, or so little of them that it is no garment.
@@ -106,6 +110,8 @@ pub struct ClothedPerson<'a> {
     pub motion: Option<&'a MeshMotion>,
     /// The undersides of loose clothes ([`Underside::of`]).
     pub underside: Option<&'a Underside>,
+    /// Frames that the surface skipped: they have no vote.
+    pub skipped: &'a [Skipped],
 }
 
 impl std::fmt::Debug for ClothedPerson<'_> {
@@ -116,12 +122,14 @@ impl std::fmt::Debug for ClothedPerson<'_> {
             .field("triangles", &triangles)
             .field("motion", &self.motion.is_some())
             .field("underside", &self.underside.is_some())
+            .field("skipped", &self.skipped.len())
             .finish_non_exhaustive()
     }
 }
 
 /// Labels a canonical mesh by votes of all frames, cuts it along the borders of the labels, cleans the
-/// pieces, and lays their hems straight. What closes a garment about a limb is not part of it.
+/// pieces, and lays their hems straight. What closes a garment about a limb is not part of it, nor is what
+/// lies beyond the edges of all pictures.
 ///
 /// Stages: `garments`, a step for each frame and garment, and those of [`smooth_labels`] and
 /// [`cleanup`].
@@ -144,7 +152,7 @@ pub fn find_garments(
     params: &GarmentParams,
     monitor: &mut dyn Monitor,
 ) -> Result<Garments, ReconstructError> {
-    let ClothedPerson { skeleton, mesh, skin, motion, underside, .. } = *person;
+    let ClothedPerson { skeleton, mesh, skin, motion, underside, skipped, .. } = *person;
     let steps = capture.len() + capture.garments().len();
     let report = |monitor: &mut dyn Monitor, step| {
         progress::report(monitor, "garments", (step, steps), None)
@@ -152,21 +160,28 @@ pub fn find_garments(
 
     // Each frame that adds information votes with its label image.
     let mut voter = Voter::new(mesh, capture.labels().len(), &params.votes)?;
-    for frame in 0..capture.len() {
+    let mut shown = Shown::nothing(mesh.vertices().len(), capture.labels().len(), capture.camera());
+    let frames: Vec<usize> = Skipped::others(skipped, capture).collect();
+    for &frame in &frames {
         report(monitor, frame)?;
         let offsets = motion.map(|m| m.offsets(frame)).unwrap_or_default();
         let at = posed(mesh, skin, skeleton, capture.pose(frame), &offsets)
             .map_err(|source| ReconstructError::Pose { frame, source })?;
         let vote = |source| ReconstructError::Vote { frame, source };
+        shown.add(&at);
         if voter.look(&at, capture.camera()).map_err(vote)? == Look::Gains {
-            voter.cast(&capture.label_image(frame)?).map_err(vote)?;
+            let labels = capture.label_image(frame)?;
+            voter.cast(&labels).map_err(vote)?;
+            shown.add_labels(&labels);
         }
     }
 
-    // Labels are smoothed, with votes against garments on undersides of loose ones, and once more with
-    // votes against garments on their lids.
-    let (mut votes, vote_report) = voter.finish();
+    // Labels are smoothed, with votes against garments beyond the pictures and on undersides of loose ones,
+    // and once more with votes against garments on their lids.
+    let (mut votes, mut vote_report) = voter.finish();
+    vote_report.contradictions.iter_mut().for_each(|c| c.frame = frames[c.frame]);
     let seen: Vec<bool> = (0..votes.vertices()).map(|v| votes.winner(v) != UNDECIDED).collect();
+    votes = shown.voted(votes);
     if let Some(underside) = underside {
         votes = underside.voted(mesh, votes);
     }
@@ -179,8 +194,8 @@ pub fn find_garments(
     // The mesh is cut, and each garment cleaned.
     let pieces = cut(mesh, &scores, &params.cut)?;
     let attributes = VertexAttributes::new(mesh.vertices().len(), skin.to_properties())?;
-    let mut found =
-        Garments { labels, votes: vote_report, garments: Vec::new(), missing: Vec::new() };
+    let (votes, shown) = (vote_report, shown.labels());
+    let mut found = Garments { labels, votes, shown, garments: Vec::new(), missing: Vec::new() };
     for (k, name) in capture.garments().iter().enumerate() {
         report(monitor, capture.len() + k)?;
         let label = FIRST_GARMENT + k as u8;

@@ -93,8 +93,7 @@ pub(super) fn observe_used(
     params: &SurfaceParams,
     monitor: &mut dyn Monitor,
 ) -> Result<Vec<Observation>, ReconstructError> {
-    let left_out: Vec<usize> = skipped.iter().map(Skipped::frame).collect();
-    let numbers: Vec<usize> = (0..capture.len()).filter(|k| !left_out.contains(k)).collect();
+    let numbers: Vec<usize> = Skipped::others(skipped, capture).collect();
     let mut frames = Vec::with_capacity(numbers.len());
     for group in numbers.chunks(TOGETHER * rayon::current_num_threads()) {
         progress::report(monitor, "read", (group[0], capture.len()), None)?;

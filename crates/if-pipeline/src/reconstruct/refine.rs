@@ -254,6 +254,7 @@ mod tests {
             rim: vec![(0.0, 0.0); mesh.vertices().len()],
             pixels: Default::default(),
             overlap: Vec::new(),
+            axes: Default::default(),
         }
     }
 

@@ -74,6 +74,10 @@ pub struct SurfaceReport {
     /// The start of the fit.
     #[serde(default)]
     pub start: StartReport,
+    /// Correlation of observed normals with those of the posed template before the fit, on each axis of
+    /// the camera: negative where that axis is flipped.
+    #[serde(default)]
+    pub normal_axes: [Real; 3],
     /// Counts of pixels.
     pub pixels: Pixels,
     /// All rounds.

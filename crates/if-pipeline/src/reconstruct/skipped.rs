@@ -3,6 +3,7 @@
 use crate::capture::Capture;
 use if_core::math::Real;
 use serde::{Deserialize, Serialize};
+use std::collections::HashSet;
 
 /// Why a frame was skipped.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -40,6 +41,15 @@ impl Skipped {
         }
     }
 
+    /// The indices of a capture's frames that are not among the skipped ones.
+    pub(super) fn others(
+        skipped: &[Self],
+        capture: &Capture,
+    ) -> impl Iterator<Item = usize> + use<> {
+        let left_out: HashSet<usize> = skipped.iter().map(Self::frame).collect();
+        (0..capture.len()).filter(move |frame| !left_out.contains(frame))
+    }
+
     /// With the frame's number in the capture instead of its index.
     pub(super) fn numbered(mut self, capture: &Capture) -> Self {
         let (Self::NoPerson { frame, .. }
@@ -51,11 +61,14 @@ impl Skipped {
 }
 
 impl std::fmt::Display for Skipped {
-    /// `frame 3 shows no person (its mask has 12 pixels)`.
+    /// `frame 3 shows no person (12 pixels of its mask are 128 or more of 255)`.
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         match self {
             Self::NoPerson { frame, pixels } => {
-                write!(f, "frame {frame} shows no person (its mask has {pixels} pixels)")
+                write!(
+                    f,
+                    "frame {frame} shows no person ({pixels} pixels of its mask are 128 or more of 255)"
+                )
             }
             Self::NoBorder { frame } => write!(f, "the mask of frame {frame} fills the picture"),
             Self::Elsewhere { frame, overlap } => {

@@ -93,6 +93,8 @@ pub fn fit_surface(
         return Err(report.nothing_seen(capture));
     }
 
+    report.normal_axes = evidence.axes.correlations();
+
     // The start: the template, or its union with loose clothes, or the state of a checkpoint.
     progress::report(monitor, "start", (0, 1), None)?;
     let start: Start = start(capture, template, params, &frames, monitor)?;

@@ -2,6 +2,7 @@
 
 use super::canonical::carried_to;
 use super::error::ReconstructError;
+use super::skipped::Skipped;
 use super::surface::Surface;
 use crate::capture::{Capture, SKIN};
 use if_body::skinning::blends;
@@ -28,8 +29,8 @@ const LYING: Real = 0.5;
 /// Least votes that frames would give a vertex if nothing hid it, as a multiple of those below which it
 /// counts as unseen. In a whole turn all have them that stand upright.
 const LOOKED_AT: Real = 2.0;
-/// Votes for skin at an unseen vertex: one frame.
-const VOTE: Real = 1.0;
+/// Votes for skin at a vertex that is unseen, or beyond all pictures: one frame.
+pub(super) const VOTE: Real = 1.0;
 
 /// The parts of the surface between a skirt's hem and the legs close it, but are not cloth: spanned
 /// vertices that frames look at, but do not see, belong to no garment, neither to the skirt nor to what is
@@ -44,7 +45,8 @@ pub struct Underside {
 }
 
 impl Underside {
-    /// The undersides on the canonical `mesh` of a surface; `None` if no garment hangs loose.
+    /// The undersides on the canonical `mesh` of a surface; `None` if no garment hangs loose. Frames
+    /// that the surface skipped do not look at it.
     pub fn of(
         surface: &Surface,
         template: &TemplateBody,
@@ -55,9 +57,10 @@ impl Underside {
             return Ok(None);
         }
         let near = carried_to(&template.mesh, &template.skin, mesh.vertices());
-        let unseen = UNSEEN.min(UNSEEN_SHARE * capture.len() as Real);
+        let frames: Vec<usize> = Skipped::others(&surface.report.skipped, capture).collect();
+        let unseen = UNSEEN.min(UNSEEN_SHARE * frames.len() as Real);
         let normals = mesh.vertex_normals();
-        let looks = looks(capture, &template.skeleton, (mesh, &normals), skin)?;
+        let looks = looks((capture, &frames), &template.skeleton, (mesh, &normals), skin)?;
         let is_looked_at = |v: usize| normals[v].y.abs() > LYING || looks[v] >= LOOKED_AT * unseen;
         let spanned = near.iter().enumerate().map(|(v, (d, _))| *d > SPANNED && is_looked_at(v));
         Ok(Some(Self { spanned: spanned.collect(), unseen }))
@@ -74,10 +77,10 @@ impl Underside {
     }
 }
 
-/// The votes that all frames would give each vertex if nothing hid it: squared cosines between its normal and
+/// The votes that these frames would give each vertex if nothing hid it: squared cosines between its normal and
 /// the line of sight.
 fn looks(
-    capture: &Capture,
+    (capture, frames): (&Capture, &[usize]),
     skeleton: &Skeleton,
     (mesh, normals): (&TriMesh, &[Vector]),
     skin: &SkinWeights,
@@ -85,7 +88,7 @@ fn looks(
     let x = mesh.vertices();
     let mut looks = vec![0.0; x.len()];
     let eye = capture.camera().center();
-    for frame in 0..capture.len() {
+    for &frame in frames {
         let transforms = skeleton
             .transforms(capture.pose(frame))
             .map_err(|source| ReconstructError::Pose { frame, source })?;

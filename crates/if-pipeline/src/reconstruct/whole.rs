@@ -257,8 +257,9 @@ pub fn reconstruct(
         field,
         motion: motion.as_ref(),
         underside: underside.as_ref(),
+        skipped: &surface.report.skipped,
     };
-    let Garments { labels, votes, mut garments, missing } =
+    let Garments { labels, votes, shown, mut garments, missing } =
         find_garments(capture, &person, &params.garments, monitor)?;
     lap.end(&mut seconds.garments);
 
@@ -277,7 +278,7 @@ pub fn reconstruct(
         fields: trained.as_ref().map(|(fields, _)| fields.report.clone()),
         vertices: mesh.vertices().len(),
         triangles: mesh.triangles().len(),
-        labels: LabelReport::of(&votes, capture),
+        labels: LabelReport::of(&votes, shown, capture),
         motion: motion.as_ref().map(|m| m.motion().report.clone()),
         motion_network: motion_network.as_ref().map(|n| n.report),
         phi: phi.as_ref().map(|p| p.report),

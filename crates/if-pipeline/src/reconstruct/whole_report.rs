@@ -6,11 +6,13 @@ use super::motion::{MotionNetworkReport, MotionReport};
 use super::phi::PhiReport;
 use super::poses::PoseReport;
 use super::report::SurfaceReport;
+use super::shown::LabelShown;
 use crate::asset::LayerHint;
 use crate::capture::Capture;
 use if_core::math::Real;
 use if_mesh::labels::{Contradiction, VoteReport};
 use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
 
 /// Votes of the label images.
 #[derive(Clone, Debug, PartialEq, Eq, Default, Serialize, Deserialize)]
@@ -31,6 +33,9 @@ pub struct LabelReport {
     /// Labels of frames that the other frames contradict, and that did not count.
     #[serde(default)]
     pub contradictions: Vec<LabelContradiction>,
+    /// How the label images that were read show each label, by its name.
+    #[serde(default)]
+    pub shown: BTreeMap<String, LabelShown>,
 }
 
 /// A frame that takes most of what it sees of a label for another one.
@@ -73,7 +78,7 @@ pub struct GarmentReport {
 }
 
 impl LabelReport {
-    pub(super) fn of(votes: &VoteReport, capture: &Capture) -> Self {
+    pub(super) fn of(votes: &VoteReport, shown: Vec<LabelShown>, capture: &Capture) -> Self {
         let name = |label: u8| capture.labels()[usize::from(label)].clone();
         let named = |c: &Contradiction| LabelContradiction {
             frame: capture.number(c.frame),
@@ -88,6 +93,7 @@ impl LabelReport {
             near_edge: votes.near_edge,
             mute: votes.mute,
             contradictions: votes.contradictions.iter().map(named).collect(),
+            shown: capture.labels().iter().cloned().zip(shown).collect(),
         }
     }
 }

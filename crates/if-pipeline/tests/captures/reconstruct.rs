@@ -355,6 +355,46 @@ fn empty_frames_are_left_out_and_named() {
     assert!(matches!(error, ReconstructError::NothingSeen { frames: FRAMES, .. }), "{error}");
 }
 
+#[test]
+fn flipped_axes_of_normals_are_measured() {
+    let folder = tempfile::tempdir().unwrap();
+    let axes = |name: &str, way: Vector| {
+        let hit = |_: usize, from: &Point, along: &Vector| {
+            meets(from, along).map(|(p, n)| (p, n.component_mul(&way)))
+        };
+        let capture = drawn(&folder.path().join(name), hit, |_| 1);
+        fit(&capture, None, usize::MAX).unwrap().report.normal_axes
+    };
+    let [x, y, z] = axes("right", Vector::new(1.0, 1.0, 1.0));
+    assert!(x.min(y).min(z) > 0.9, "{x} {y} {z}");
+    let flipped = axes("flipped", Vector::new(1.0, -1.0, 1.0));
+    assert!(flipped[0] > 0.9 && flipped[1] < -0.9 && flipped[2] > 0.9, "{flipped:?}");
+}
+
+#[test]
+fn frames_that_are_not_used_have_no_vote_and_others_keep_their_numbers() {
+    let folder = tempfile::tempdir().unwrap();
+    let hit = |frame: usize, from: &Point, along: &Vector| match frame {
+        // In one frame the person is elsewhere, and all is garment.
+        2 => meets(&(from + Vector::x() * 0.4), along).map(|(p, n)| (p + Vector::y(), n)),
+        // Another one is right, and takes skin for garment.
+        5 => meets(from, along).map(|(p, n)| (p + Vector::y(), n)),
+        _ => meets(from, along),
+    };
+    let label = |p: &Point| if p.y > CENTER.y { 2 } else { 1 };
+    let capture = drawn(&folder.path().join("capture"), hit, label);
+    let params = ReconstructParams { cell: 0.02, ..Default::default() };
+    let found = reconstruct(&capture, &template(), &params, None, &mut Silent).unwrap().report;
+    let [Skipped::Elsewhere { frame: 2, .. }] = found.surface.skipped[..] else {
+        panic!("{:?}", found.surface.skipped)
+    };
+    let labels = &found.labels;
+    assert_eq!(labels.frames_cast + labels.frames_empty + labels.frames_covered, FRAMES - 1);
+    let numbers: Vec<u32> = labels.contradictions.iter().map(|c| c.frame).collect();
+    assert_eq!(numbers, [5], "{:?}", labels.contradictions);
+    assert!(labels.shown["top"].frames > 1 && labels.shown["top"].at_edge == 0, "{labels:?}");
+}
+
 fn move_frames(capture: &Capture, surface: &Surface) -> Result<Motion, ReconstructError> {
     let (read, params) = (SurfaceParams::default(), MotionParams::default());
     fit_motion(capture, &template().skeleton, surface, &read, &params, &mut Silent)
