@@ -28,7 +28,7 @@ pub use error::WardrobeError;
 use crate::asset::{self, Asset, AssetError, AssetInfo, BodyRef, Parts};
 use body::BodyFiles;
 use if_mesh::atomic::{self, FolderWriter, PATIENCE};
-use if_outfit::outfit::check_garment;
+use if_outfit::outfit::{OutfitError, check_garment};
 use std::collections::BTreeMap;
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -187,10 +187,14 @@ impl Wardrobe {
     /// # Errors
     ///
     /// The wardrobe does not have the body, a folder of this name is there and is no garment, the garment
-    /// is too large or too far from the body ([`if_outfit::outfit::Outfit::new`]), the errors of [`asset::write()`], or another process
+    /// is called as its body, too large or too far from the body ([`if_outfit::outfit::Outfit::new`]), the errors of [`asset::write()`], or another process
     /// writes there for too long.
     pub fn add(&mut self, parts: &Parts) -> Result<&AssetInfo, WardrobeError> {
         let body = self.body_like(parts.name, parts.body)?;
+        if parts.name == body.name {
+            let twice = OutfitError::DuplicateName { layer: parts.name.to_owned() };
+            return Err(WardrobeError::Misfit(twice));
+        }
         if !parts.mesh.triangles().is_empty() {
             let body = body::read_box(&self.root.join(BODIES), body)?;
             check_garment(&body, parts.name, parts.mesh).map_err(WardrobeError::Misfit)?;

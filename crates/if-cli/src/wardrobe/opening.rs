@@ -33,6 +33,10 @@ impl Fault {
                 &format!("if the files are in {unit}, add --scale {scale}")
             }
             WardrobeError::Parameter(p) if p.name == "scale" => "look at --scale",
+            WardrobeError::Misfit(OutfitError::DuplicateName { .. })
+            | WardrobeError::Asset(AssetError::Name { .. }) => {
+                "give another name, or rename the file"
+            }
             WardrobeError::Scale { .. } | WardrobeError::Misfit(_) => {
                 "look at --scale, and whether --body is the body that it was made on"
             }
@@ -41,9 +45,6 @@ impl Fault {
             }
             WardrobeError::ForeignBody { .. } => {
                 "add the body with `ifg wardrobe add --body NAME --mesh FILE`"
-            }
-            WardrobeError::Asset(AssetError::Name { .. }) => {
-                "give another name, or rename the file"
             }
             WardrobeError::NoWardrobe { .. } => {
                 "look at the path; `ifg wardrobe add` makes a wardrobe"

@@ -297,6 +297,11 @@ fn files_in_centimetres_are_stored_in_metres() {
         .unwrap_err();
     assert!(matches!(error, WardrobeError::Misfit(OutfitError::TooLarge { .. })), "{error}");
     assert!(!root.path().join("garments/shirt").exists());
+    // No outfit could have both.
+    let shirt = garment(Garment::Tshirt, &COARSE);
+    let twin = wardrobe.add(&parts(&added.name, &shirt, &added, &Provenance::default()));
+    let error = twin.map(drop).unwrap_err();
+    assert!(matches!(error, WardrobeError::Misfit(OutfitError::DuplicateName { .. })), "{error}");
 }
 
 #[test]
