@@ -10,6 +10,7 @@ use if_core::intersect;
 use if_core::math::Point;
 use if_core::mesh::TriMesh;
 use if_core::monitor::{Cancelled, Progress, Silent};
+use if_core::shapes::meshes::tube;
 use if_outfit::outfit::{Layer, Outfit};
 use if_outfit::resolve::{EffortParams, ResolveError, ResolveParams, Split, resolve};
 use if_outfit::storage::Storage;
@@ -296,6 +297,34 @@ fn a_garment_wholly_inside_the_body_comes_out() {
         (0, outfit.garments[0].mesh.vertices().len())
     );
     assert_clean(&outfit, resolved(&outfit));
+}
+
+#[test]
+fn sleeves_of_fingers_do_not_slide_off_through_the_tips() {
+    // Fingers 16 mm thick and 4 mm apart, thinner than the blur of coarse ways out.
+    let radius = 8e-3;
+    let four = |mesh: &TriMesh, lift: f64| {
+        let (mut v, mut t) = (Vec::new(), Vec::new());
+        for k in 0..4u32 {
+            let first = v.len() as u32;
+            let x = (f64::from(k) - 1.5) * (2.0 * radius + 4e-3);
+            v.extend(mesh.vertices().iter().map(|p| Point::new(p.x + x, p.y + lift, p.z)));
+            t.extend(mesh.triangles().iter().map(|tri| tri.map(|c| c + first)));
+        }
+        TriMesh::new(v, t).unwrap()
+    };
+    let fingers = four(&tube(radius, 0.12, 16, 30, true), 0.0);
+    // Waves of 2.5 mm about half a millimetre above the skin.
+    let sleeve = moved(&tube(1.0, 0.07, 16, 18, false), |p| {
+        let r = radius + 0.5e-3 + 2.5e-3 * (150.0 * p.y + 3.0 * p.z.atan2(p.x)).sin();
+        Point::new(r * p.x, p.y, r * p.z)
+    });
+    let glove = Layer::new("glove", four(&sleeve, 0.045));
+    let outfit = Outfit::new(Layer::new("fingers", fingers), vec![glove]).unwrap();
+    let result = assert_clean(&outfit, resolved(&outfit));
+    let glove = &result.report.layers[0];
+    assert!(glove.moved.max < 4e-3 && glove.moved.mean < 1.5e-3, "{:?}", glove.moved);
+    assert!(glove.strain.max < 0.2, "{:?}", glove.strain);
 }
 
 #[test]

@@ -25,8 +25,13 @@ pub struct Outward {
 const RADIUS: usize = 2;
 /// Maximum number of nodes; larger regions get larger cells.
 const MAX_NODES: Real = 16_777_216.0;
-/// Minimum gradient of a direction, as a share of the steepest possible one.
+/// Minimum gradient of a direction, per cell. It is 0.16 at a wide wall.
 const FLAT: Real = 0.02;
+/// The same where less than [`THIN`] is occupied. There, in fingers, gradients along the part, to its
+/// tip, are up to 0.08: no garment leaves it that way.
+const FLAT_IF_THIN: Real = 0.08;
+/// Blurred occupancy under which a part is thin beside the blur. It is more than half inside a wide wall.
+const THIN: Real = 0.6;
 
 impl Outward {
     /// Directions out of `layers` in `region`, on cells of `cell` metres (more, for a huge region).
@@ -96,7 +101,7 @@ impl Outward {
     }
 
     /// Unit outward direction at `p`; `None` far outside, deep inside and beyond the box, where the
-    /// occupancy is constant.
+    /// occupancy is constant, and in parts that are thin beside the cells, such as fingers.
     pub fn direction(&self, p: &Point) -> Option<Vector> {
         let rel = (p - self.origin) / self.cell;
         let base = [0, 1, 2].map(|k| rel[k].floor());
@@ -127,7 +132,16 @@ impl Outward {
                 }
             }
         }
-        (g.norm() > FLAT).then(|| unit_or_zero(&g))
+        let steepness = g.norm();
+        let is_thin = || {
+            let along = |c: usize, t: Real| if c == 0 { 1.0 - t } else { t };
+            let corners = (0..8).map(|c| [c & 1, (c >> 1) & 1, c >> 2]);
+            let occupied = corners
+                .map(|[x, y, z]| along(x, t[0]) * along(y, t[1]) * along(z, t[2]) * at(x, y, z));
+            occupied.sum::<Real>() < THIN
+        };
+        let is_clear = steepness > FLAT && (steepness > FLAT_IF_THIN || !is_thin());
+        is_clear.then(|| unit_or_zero(&g))
     }
 }
 
@@ -158,4 +172,38 @@ fn blur_row(row: &mut [f32], line: &mut Vec<f32>) {
         row.iter_mut().zip(&line[shift..]).for_each(|(a, b)| *a += b);
     }
     row.iter_mut().for_each(|a| *a *= SHARE);
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use if_core::shapes::meshes::{cuboid, tube};
+
+    const CELL: Real = 9e-3;
+
+    fn outward(mesh: &if_core::mesh::TriMesh) -> Outward {
+        let layer = ClosedLayer::body(mesh);
+        Outward::new(&[&layer], &mesh.aabb().inflated(0.05), CELL)
+    }
+
+    #[test]
+    fn the_way_out_of_a_wide_wall_is_its_normal_to_some_depth() {
+        let outward = outward(&cuboid(Vector::new(0.15, 0.2, 0.15)));
+        for depth in [-0.02, 0.0, 0.02, 0.035] {
+            let out = outward.direction(&Point::new(0.15 - depth, 0.0, 0.0)).unwrap();
+            assert!(out.x > 0.999, "{depth}: {out:?}");
+        }
+        for x in [0.0, 0.25, 1.0] {
+            assert_eq!(outward.direction(&Point::new(x, 0.0, 0.0)), None, "{x}");
+        }
+    }
+
+    #[test]
+    fn a_finger_has_no_way_out_through_its_tip() {
+        let finger = outward(&tube(8e-3, 0.12, 16, 30, true));
+        for y in [0.06, 0.08, 0.1, 0.11] {
+            let out = finger.direction(&Point::new(4e-3, y, 0.0));
+            assert!(out.is_none_or(|out| out.y < 0.5), "{y}: {out:?}");
+        }
+    }
 }
