@@ -177,18 +177,20 @@ fn blur_row(row: &mut [f32], line: &mut Vec<f32>) {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use if_core::mesh::TriMesh;
     use if_core::shapes::meshes::{cuboid, tube};
 
     const CELL: Real = 9e-3;
 
-    fn outward(mesh: &if_core::mesh::TriMesh) -> Outward {
-        let layer = ClosedLayer::body(mesh);
-        Outward::new(&[&layer], &mesh.aabb().inflated(0.05), CELL)
+    fn outward(meshes: &[TriMesh]) -> Outward {
+        let layers: Vec<ClosedLayer> = meshes.iter().map(ClosedLayer::body).collect();
+        let region = meshes.iter().map(TriMesh::aabb).reduce(|a, b| a.merged(&b)).unwrap();
+        Outward::new(&layers.iter().collect::<Vec<_>>(), &region.inflated(0.05), CELL)
     }
 
     #[test]
     fn the_way_out_of_a_wide_wall_is_its_normal_to_some_depth() {
-        let outward = outward(&cuboid(Vector::new(0.15, 0.2, 0.15)));
+        let outward = outward(&[cuboid(Vector::new(0.15, 0.2, 0.15))]);
         for depth in [-0.02, 0.0, 0.02, 0.035] {
             let out = outward.direction(&Point::new(0.15 - depth, 0.0, 0.0)).unwrap();
             assert!(out.x > 0.999, "{depth}: {out:?}");
@@ -199,11 +201,18 @@ mod tests {
     }
 
     #[test]
-    fn a_finger_has_no_way_out_through_its_tip() {
-        let finger = outward(&tube(8e-3, 0.12, 16, 30, true));
-        for y in [0.06, 0.08, 0.1, 0.11] {
-            let out = finger.direction(&Point::new(4e-3, y, 0.0));
-            assert!(out.is_none_or(|out| out.y < 0.5), "{y}: {out:?}");
+    fn fingers_have_no_way_out_along_or_across_them() {
+        let finger = tube(8e-3, 0.12, 16, 30, true);
+        let fingers = [-0.03, -0.01, 0.01, 0.03].map(|x| {
+            let aside = finger.vertices().iter().map(|p| p + Vector::x() * x);
+            finger.with_vertices(aside.collect()).unwrap()
+        });
+        let outward = outward(&fingers);
+        for (x, z) in [(0.004, 0.0), (0.008, 4e-3), (0.012, 6e-3)] {
+            for y in [0.06, 0.08, 0.1] {
+                let out = outward.direction(&Point::new(x, y, z));
+                assert_eq!(out, None, "{x} {y} {z}");
+            }
         }
     }
 }
