@@ -106,6 +106,9 @@ const MOSTLY: Real = 0.6;
 const DEEP: Real = 0.02;
 /// Strain of the hundredth part of a garment's edges from which it is doubted.
 const DRAWN: Real = 0.5;
+/// Mean motion of a garment, in metres, from which it is doubted if nothing of it lay as deep: those
+/// that have to give way move by less than their deepest vertex in the mean.
+const SLID: Real = 0.01;
 
 impl Verification {
     /// The report of what was found in `outfit`: what was assumed of its body and how many own pairs
@@ -510,8 +513,24 @@ impl ResolveReport {
         self.clearance_reached = self.after.least_distance().map(|least| least / clearance);
     }
 
-    /// What a person should know, in sentences: [`Verification::notes`] of the input, and garments that
-    /// are drawn so much that they may be for another body. `body` is what the body is called.
+    /// A note if the garment moved farther than what it lay in asks for.
+    fn slid(&self, layer: &LayerReport) -> Option<String> {
+        let own = self.before.pairs.iter().filter(|pair| pair.outer == layer.name);
+        let deepest = own.map(|pair| pair.deepest).fold(0.0, Real::max);
+        let mean = layer.moved.mean;
+        (mean > SLID && mean > deepest).then(|| {
+            format!(
+                "`{}`: moved by {:.0} mm in the mean, and nothing of it was deeper than {:.0} mm in a layer; did it slide?",
+                layer.name,
+                1e3 * mean,
+                1e3 * deepest
+            )
+        })
+    }
+
+    /// What a person should know, in sentences: [`Verification::notes`] of the input, garments that
+    /// are drawn so much that they may be for another body, and those that moved farther than they lay
+    /// deep. `body` is what the body is called.
     pub fn notes(&self, body: &str) -> Vec<String> {
         let mut notes = self.before.notes(body);
         let drawn = self.layers.iter().filter(|layer| layer.strain.p99 > DRAWN);
@@ -522,6 +541,7 @@ impl ResolveReport {
                 1e2 * layer.strain.p99
             )
         }));
+        notes.extend(self.layers.iter().filter_map(|layer| self.slid(layer)));
         notes
     }
 
@@ -592,5 +612,36 @@ mod tests {
         let [inside, drawn] = &found[..] else { panic!("{found:?}") };
         assert!(inside.starts_with("`tights`: 90 % of it lies inside the body, 50 mm deep"));
         assert!(drawn.starts_with("`tights`: one edge in a hundred is strained by 77 % or more"));
+    }
+
+    #[test]
+    fn garments_that_moved_farther_than_they_lay_deep_are_noted() {
+        let pair = |inner: &str, outer: &str, deepest| PairReport {
+            inner: inner.into(),
+            outer: outer.into(),
+            deepest,
+            ..PairReport::default()
+        };
+        let notes = |deepest, mean| {
+            let moved = Displacement { mean, ..Displacement::default() };
+            let layer = LayerReport { name: "sock".into(), moved, ..LayerReport::default() };
+            let pairs = vec![
+                pair("skin", "sock", deepest),
+                pair("tights", "sock", 0.001),
+                pair("skin", "shoe", 0.1),
+            ];
+            let before = Verification { pairs, ..Verification::default() };
+            ResolveReport { before, layers: vec![layer], ..ResolveReport::default() }.notes("skin")
+        };
+        assert!(notes(0.025, 0.024).is_empty(), "it had to come out");
+        assert!(notes(0.002, 0.009).is_empty());
+        let found = notes(0.004, 0.027);
+        let [note] = &found[..] else { panic!("{found:?}") };
+        assert!(
+            note.starts_with(
+                "`sock`: moved by 27 mm in the mean, and nothing of it was deeper than 4 mm"
+            ),
+            "{note}"
+        );
     }
 }
