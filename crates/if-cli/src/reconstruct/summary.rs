@@ -255,3 +255,57 @@ pub(super) fn moved(motion: &MotionReport) -> String {
     }
     text + "\n"
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use if_pipeline::reconstruct::{GarmentReport, LabelShown};
+
+    /// A report of trousers that so many of four label images show, and cut at their edge.
+    fn trousers(frames: usize, at_edge: usize) -> ReconstructReport {
+        let mut shown = LabelShown::default();
+        (shown.frames, shown.at_edge) = (frames, at_edge);
+        let mut garment = GarmentReport::default();
+        garment.name = "trousers".into();
+        let mut report = ReconstructReport::default();
+        report.labels.shown.insert("trousers".into(), shown);
+        report.garments.push(garment);
+        report
+    }
+
+    #[test]
+    fn what_the_pictures_cut_is_named() {
+        assert_eq!(warnings(&trousers(4, 3)), [""; 0], "a leg may leave the picture now and then");
+        let found = warnings(&trousers(4, 4));
+        let [cut] = &found[..] else { panic!("{found:?}") };
+        assert!(cut.contains("cuts trousers in 4 of 4 label images"), "{cut}");
+    }
+
+    #[test]
+    fn what_is_missing_is_named_by_whether_a_label_image_has_it() {
+        for (frames, why) in [(0, "no label image that was read"), (2, "too little of it")] {
+            let mut report = trousers(frames, 0);
+            report.garments.clear();
+            report.missing.push("trousers".into());
+            let found = warnings(&report);
+            let [missing] = &found[..] else { panic!("{found:?}") };
+            assert!(missing.contains("trousers: not reconstructed") && missing.contains(why));
+        }
+    }
+
+    #[test]
+    fn flipped_axes_of_normals_are_named_before_what_follows_from_them() {
+        let found = |axes| {
+            let mut report = ReconstructReport::default();
+            report.surface.normal_axes = axes;
+            (report.surface.pixels.used, report.surface.pixels.contradicting) = (1, 9);
+            report.surface.pixels.person = 10;
+            let [one] = &warnings(&report)[..] else { panic!("one warning") };
+            one.clone()
+        };
+        let flipped = found([0.9, -0.8, -0.9]);
+        assert!(flipped.contains("along y (down) and z (away from the camera)"), "{flipped}");
+        let other = found([0.9, 0.8, 0.1]);
+        assert!(other.contains("90 % of the person's pixels contradict"), "{other}");
+    }
+}
