@@ -101,7 +101,7 @@ impl Outward {
     }
 
     /// Unit outward direction at `p`; `None` far outside, deep inside and beyond the box, where the
-    /// occupancy is constant, and in parts that are thin beside the cells, such as fingers.
+    /// occupancy is constant, and in parts that are thin beside the blur, such as fingers.
     pub fn direction(&self, p: &Point) -> Option<Vector> {
         let rel = (p - self.origin) / self.cell;
         let base = [0, 1, 2].map(|k| rel[k].floor());
@@ -109,6 +109,7 @@ impl Outward {
             return None;
         }
         let t = [0, 1, 2].map(|k| rel[k] - base[k]);
+        let weight = |axis: usize, side: usize| if side == 0 { 1.0 - t[axis] } else { t[axis] };
         let at = |x: usize, y: usize, z: usize| {
             let [i, j, k] = base.map(|b| b as usize);
             let i = self.size.index([i + x, j + y, k + z]);
@@ -125,19 +126,17 @@ impl Outward {
                         c[u] = a;
                         c[v] = b;
                     }
-                    let weight = (if a == 0 { 1.0 - t[u] } else { t[u] })
-                        * (if b == 0 { 1.0 - t[v] } else { t[v] });
-                    g[k] +=
-                        weight * (at(c[0][0], c[0][1], c[0][2]) - at(c[1][0], c[1][1], c[1][2]));
+                    g[k] += weight(u, a)
+                        * weight(v, b)
+                        * (at(c[0][0], c[0][1], c[0][2]) - at(c[1][0], c[1][1], c[1][2]));
                 }
             }
         }
         let steepness = g.norm();
         let is_thin = || {
-            let along = |c: usize, t: Real| if c == 0 { 1.0 - t } else { t };
             let corners = (0..8).map(|c| [c & 1, (c >> 1) & 1, c >> 2]);
-            let occupied = corners
-                .map(|[x, y, z]| along(x, t[0]) * along(y, t[1]) * along(z, t[2]) * at(x, y, z));
+            let occupied =
+                corners.map(|[x, y, z]| weight(0, x) * weight(1, y) * weight(2, z) * at(x, y, z));
             occupied.sum::<Real>() < THIN
         };
         let is_clear = steepness > FLAT && (steepness > FLAT_IF_THIN || !is_thin());

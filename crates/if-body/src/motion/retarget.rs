@@ -149,8 +149,8 @@ fn matches(bvh: &Bvh, skeleton: &Skeleton) -> Result<Matches, BvhError> {
     let found = of.iter().flatten().count();
     if 2 * found < skeleton.len() {
         // A limb tells more of how joints are named than a handle of a rig does.
-        let missing = || skeleton.names().zip(&of).zip(&names).filter(|((_, m), _)| m.is_none());
-        let missing = missing().find(|(_, name)| name.is_limb()).or_else(|| missing().next());
+        let missing = skeleton.names().zip(&of).zip(&names).filter(|((_, m), _)| m.is_none());
+        let missing = missing.min_by_key(|(_, name)| !name.is_limb());
         let missing = missing.map_or("", |((name, _), _)| name).to_owned();
         let in_file = bvh.joints.iter().take(NAMED).map(|joint| joint.name.clone()).collect();
         return Err(BvhError::Joints { found, joints: skeleton.len(), missing, in_file });
