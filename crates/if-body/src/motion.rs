@@ -113,11 +113,11 @@ impl Motion {
 
     fn from_bvh(text: &str, skeleton: &Skeleton) -> Result<Self, MotionError> {
         let file = Bvh::read(text)?;
-        let Retargeted { poses, unmatched } = retarget(&file, skeleton)?;
+        let frames_per_second = 1.0 / file.frame_time;
+        let Retargeted { poses, unmatched } = retarget(file, skeleton)?;
         if poses.is_empty() {
             return Err(MotionError::Empty);
         }
-        let frames_per_second = 1.0 / file.frame_time;
         if !is_rate(frames_per_second) {
             return Err(MotionError::Rate(frames_per_second));
         }

@@ -3,6 +3,7 @@
 use if_core::math::{Real, Vector};
 use nalgebra::{UnitQuaternion, Vector3};
 use std::collections::HashSet;
+use std::f64::consts::FRAC_PI_2;
 
 /// A BVH file cannot be read, or its joints are not those of the skeleton.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
@@ -30,7 +31,7 @@ pub enum BvhError {
     /// The rest pose is no upright person.
     #[error(
         "the person in the rest pose is {height:.1} high, {width:.1} wide and {depth:.1} deep, in the units \
-         of the file; y must be up: export the motion so"
+         of the file; y or z must be up: export the motion so"
     )]
     NotUpright { height: Real, width: Real, depth: Real },
     /// Fewer than half of the skeleton's joints are in the file.
@@ -51,6 +52,8 @@ pub(super) struct Bvh {
     /// All channels of one frame after those of another.
     values: Vec<Real>,
     channels: usize,
+    /// From the axes of the file to those with y up.
+    upright: UnitQuaternion<Real>,
 }
 
 /// A joint of the file.
@@ -58,10 +61,10 @@ pub(super) struct Bvh {
 pub(super) struct BvhJoint {
     pub(super) name: String,
     pub(super) parent: Option<usize>,
-    /// From its parent, in the rest pose.
-    pub(super) offset: Vector,
+    /// From its parent, in the rest pose, along the axes of the file.
+    offset: Vector,
     /// The end of its bone, from the joint, where it has no children.
-    pub(super) end: Option<Vector>,
+    end: Option<Vector>,
     channels: Vec<Channel>,
     /// Its first channel in a frame.
     first: usize,
@@ -110,7 +113,17 @@ impl Bvh {
         if frames.checked_mul(channels) != Some(values.len()) {
             return Err(BvhError::Values { values: values.len(), frames, channels });
         }
-        Ok(Self { joints, frame_time, values, channels })
+        Ok(Self { joints, frame_time, values, channels, upright: UnitQuaternion::identity() })
+    }
+
+    /// Takes the z axis of the file as up: its y axis points backwards then.
+    pub(super) fn stand_along_z(&mut self) {
+        self.upright = UnitQuaternion::from_axis_angle(&Vector::x_axis(), -FRAC_PI_2);
+    }
+
+    /// From a joint to the end of its bone in the rest pose, where it has no children.
+    pub(super) fn end(&self, joint: usize) -> Option<Vector> {
+        self.joints[joint].end.map(|end| self.upright * end)
     }
 
     /// A joint and all above it, the root first.
@@ -134,7 +147,7 @@ impl Bvh {
                 let mut turn = UnitQuaternion::identity();
                 for (channel, value) in joint.channels.iter().zip(&row[joint.first..]) {
                     if let Channel::Rotation(axis) = channel {
-                        let about = Vector3::ith_axis(*axis);
+                        let about = self.upright * Vector3::ith_axis(*axis);
                         turn *= UnitQuaternion::from_axis_angle(&about, value.to_radians());
                     }
                 }
@@ -142,7 +155,7 @@ impl Bvh {
             }
             let mut position = Vector::zeros();
             for joint in path.iter().map(|j| &self.joints[*j]) {
-                let from_parent = joint.translation(row);
+                let from_parent = self.upright * joint.translation(row);
                 position += joint.parent.map_or(from_parent, |p| turns[p] * from_parent);
             }
             (position, turns)
@@ -153,7 +166,9 @@ impl Bvh {
     pub(super) fn rest(&self) -> Vec<Vector> {
         let mut rest: Vec<Vector> = Vec::with_capacity(self.joints.len());
         for joint in &self.joints {
-            rest.push(joint.parent.map_or(Vector::zeros(), |p| rest[p] + joint.offset));
+            rest.push(
+                joint.parent.map_or(Vector::zeros(), |p| rest[p] + self.upright * joint.offset),
+            );
         }
         rest
     }

@@ -23,19 +23,34 @@ pub(super) struct Retargeted {
 /// With B the rotation of a joint of the file in the world, the skeleton's joint has W = B A there,
 /// where A turns its bone in the rest pose to that of the file: by quarter turns about y to the side
 /// that the person faces, then the shortest way; of a hand as its arm, then the shortest way to its
-/// fingers. Joints of the spine are matched by their share of its length, all others by name; those
-/// that the file lacks follow their parents. Translations are those of the [hips](hips), scaled by
+/// fingers. Joints of the spine are matched by their share of its length, and so are those of neck and head that
+/// no name matches, all others by name; those that the file lacks follow their parents. Translations are those of the [hips](hips), scaled by
 /// their heights in the rest pose of the file; joints above them stay as they are. The first frame is above the origin; the floor of the file, y = 0, is that of the body where its
 /// feet are near that, else its lowest joint.
 ///
 /// # Errors
 ///
-/// The file has fewer than half of the joints, or its rest pose is not upright.
-pub(super) fn retarget(bvh: &Bvh, skeleton: &Skeleton) -> Result<Retargeted, BvhError> {
-    let Matches { of: matches, is_limb, hips: [hips, hips_of_file] } = matches(bvh, skeleton)?;
+/// The file has fewer than half of the joints, and lacks one of the large bones of the limbs; or its rest
+/// pose is upright neither along y nor along z.
+pub(super) fn retarget(mut bvh: Bvh, skeleton: &Skeleton) -> Result<Retargeted, BvhError> {
+    let Matches { of: matches, is_limb, hips: [hips, hips_of_file] } = matches(&bvh, skeleton)?;
+    let [size, low] = extent(&bvh, hips_of_file);
+    let rest = bvh.rest();
+    // The span of stretched arms is a person's height; legs are nearly half of it.
+    let stands_along =
+        |axis: usize| -low[axis] > 0.25 * size.max() && is_up(axis, &rest, &matches, skeleton);
+    let up = [1, 2].into_iter().find(|axis| stands_along(*axis)).ok_or(BvhError::NotUpright {
+        height: size.y,
+        width: size.x,
+        depth: size.z,
+    })?;
+    let height = -low[up];
+    if up == 2 {
+        bvh.stand_along_z();
+    }
+    let bvh = bvh;
     let rest = bvh.rest();
     let rest: Vec<Vector> = rest.iter().map(|p| p - rest[hips_of_file]).collect();
-    let height = hip_height(bvh, &rest, hips_of_file)?;
     let joints = skeleton.joints();
     let root = joints[hips].head;
     let is_below = below(|j| joints[j].parent, joints.len(), |j| j == hips);
@@ -50,7 +65,7 @@ pub(super) fn retarget(bvh: &Bvh, skeleton: &Skeleton) -> Result<Retargeted, Bvh
     let of_limb = below(|j| joints[j].parent, joints.len(), |j| is_limb[j]);
     for (j, joint) in joints.iter().enumerate() {
         let inherited = joint.parent.map_or(facing, |p| align[p]);
-        align.push(match bones(bvh, skeleton, (&matches, is_limb[j]), &rest, j) {
+        align.push(match bones(&bvh, skeleton, (&matches, is_limb[j]), &rest, j) {
             // Opposite bones have no shortest way.
             Bones::One(own, other) => Turn::rotation_between(&(facing * own), &other)
                 .map_or(inherited, |swing| swing * facing),
@@ -108,13 +123,13 @@ struct Matches {
 fn matches(bvh: &Bvh, skeleton: &Skeleton) -> Result<Matches, BvhError> {
     let (mut exact, mut usual) = (HashMap::new(), HashMap::new());
     let of_file = Name::all(bvh.joints.iter().map(|joint| joint.name.as_str()));
-    for (k, name) in of_file.into_iter().enumerate() {
-        exact.entry(name.plain).or_insert(k);
-        usual.entry(name.usual).or_insert(k);
+    for (k, name) in of_file.iter().enumerate() {
+        exact.entry(&name.plain).or_insert(k);
+        usual.entry(&name.usual).or_insert(k);
     }
     let names = Name::all(skeleton.names());
     // What is called a shoulder may be another joint of the arm in the file.
-    let find = |name: &Name| match name.is_limb() {
+    let find = |name: &Name| match name.is_limb() && !name.is_part {
         true => usual.get(&name.usual).or_else(|| exact.get(&name.plain)),
         false => exact.get(&name.plain).or_else(|| usual.get(&name.usual)),
     };
@@ -138,16 +153,38 @@ fn matches(bvh: &Bvh, skeleton: &Skeleton) -> Result<Matches, BvhError> {
     let arms: Vec<[usize; 2]> =
         limbs.iter().filter(|[j, _]| ARM.contains(&names[*j].usual.1.as_str())).copied().collect();
     let both = ['l', 'r'].map(|side| arms.iter().any(|[j, _]| names[*j].usual.0 == Some(side)));
-    let spine = if both == [true; 2] { spine(bvh, skeleton, hips, &arms) } else { HashMap::new() };
+    let chest = (both == [true; 2]).then(|| {
+        [
+            self::hips(|j| skeleton.joints()[j].parent, arms.iter().map(|arm| arm[0])),
+            self::hips(|k| bvh.joints[k].parent, arms.iter().map(|arm| arm[1])),
+        ]
+    });
+    let spine = chest.map_or_else(HashMap::new, |chest| between(bvh, skeleton, hips, chest));
+    let neck = chest.and_then(|chest| {
+        let own = head(&names, |j| skeleton.joints()[j].parent, chest[0])?;
+        let other = head(&of_file, |k| bvh.joints[k].parent, chest[1])?;
+        let mut neck = between(bvh, skeleton, chest, [own, other]);
+        neck.retain(|j, k| *j == own || *k != Some(other));
+        Some(neck)
+    });
+    let neck = neck.unwrap_or_default();
     let of = |j: usize| match j {
         j if spine.contains_key(&j) => spine[&j],
         j if j == hips[0] => Some(hips[1]),
         j if above_skeleton.contains(&j) => None,
-        j => alike[j].filter(|k| !path_in_file.contains(k)),
+        j => alike[j]
+            .or_else(|| neck.get(&j).copied().flatten().filter(|k| !taken.contains(k)))
+            .filter(|k| !path_in_file.contains(k)),
     };
     let of: Vec<Option<usize>> = (0..names.len()).map(of).collect();
     let found = of.iter().flatten().count();
-    if 2 * found < skeleton.len() {
+    // A skeleton may have a hundred joints for a hand and a face.
+    let limbs = ['l', 'r'].into_iter().flat_map(|side| LIMBS.map(|bone| (Some(side), bone)));
+    let has_limb = |(side, bone): (Option<char>, &str)| {
+        let mut of_limb = names.iter().zip(&of).filter(|(n, m)| m.is_some() && n.usual.0 == side);
+        of_limb.any(|(name, _)| name.usual.1 == bone)
+    };
+    if 2 * found < skeleton.len() && !limbs.into_iter().all(has_limb) {
         // A limb tells more of how joints are named than a handle of a rig does.
         let missing = skeleton.names().zip(&of).zip(&names).filter(|((_, m), _)| m.is_none());
         let missing = missing.min_by_key(|(_, name)| !name.is_limb());
@@ -158,29 +195,39 @@ fn matches(bvh: &Bvh, skeleton: &Skeleton) -> Result<Matches, BvhError> {
     Ok(Matches { of, is_limb: names.iter().map(Name::is_limb).collect(), hips })
 }
 
-/// The joints of the spine, from above the hips to where both arms hang, and those of the file at the
-/// nearest share of its length: every rig numbers and names them otherwise (`Spine2`, `spine_03`,
-/// `Chest`). None where that is the hips.
-fn spine(
+/// The head: the joint of that name, or the last one on from the chest by the chest's name, such as Rigify's
+/// `spine.006` on from `spine.003`.
+fn head(names: &[Name], parent: impl Fn(usize) -> Option<usize>, chest: usize) -> Option<usize> {
+    let name = without_number(&names[chest].plain);
+    let mut last = chest;
+    for j in chest + 1..names.len() {
+        if parent(j) == Some(last) && without_number(&names[j].plain) == name {
+            last = j;
+        }
+    }
+    let called = names.iter().position(|name| name.plain == "head");
+    called.or((last != chest).then_some(last))
+}
+
+/// The joints of the spine, from above the hips to where both arms hang, or of the neck, from there to the
+/// head, and those of the file at the nearest share of its length: every rig numbers and names them
+/// otherwise (`Spine2`, `spine_03`, `Chest`). None where that is the first one.
+fn between(
     bvh: &Bvh,
     skeleton: &Skeleton,
-    hips: [usize; 2],
-    arms: &[[usize; 2]],
+    first: [usize; 2],
+    last: [usize; 2],
 ) -> HashMap<usize, Option<usize>> {
     let joints = skeleton.joints();
-    let chest = [
-        self::hips(|j| joints[j].parent, arms.iter().map(|arm| arm[0])),
-        self::hips(|k| bvh.joints[k].parent, arms.iter().map(|arm| arm[1])),
-    ];
     let rest = bvh.rest();
-    let own = shares(|j| joints[j].parent, |j| joints[j].head.coords, [hips[0], chest[0]]);
-    let other = shares(|k| bvh.joints[k].parent, |k| rest[k], [hips[1], chest[1]]);
+    let own = shares(|j| joints[j].parent, |j| joints[j].head.coords, [first[0], last[0]]);
+    let other = shares(|k| bvh.joints[k].parent, |k| rest[k], [first[1], last[1]]);
     let (Some(own), Some(other)) = (own, other) else { return HashMap::new() };
     let nearest = |share: Real| {
         let far = |(_, of): &(usize, Real)| (of - share).abs();
-        // Of two as near the one that is farther from the hips.
+        // Of two as near the one that is farther from the first.
         let found = other.iter().rev().min_by(|a, b| far(a).total_cmp(&far(b)));
-        found.map(|(k, _)| *k).filter(|k| *k != hips[1])
+        found.map(|(k, _)| *k).filter(|k| *k != first[1])
     };
     own[1..].iter().map(|(j, share)| (*j, nearest(*share))).collect()
 }
@@ -249,14 +296,19 @@ fn above(parent: impl Fn(usize) -> Option<usize>, joint: usize) -> Vec<usize> {
 struct Name {
     /// Letters and digits in lower case, without a prefix as in `mixamorig:LeftArm`.
     plain: String,
-    /// The side and the usual name: `LeftUpLeg`, `thigh.L` and `l_thigh` are all left, `thigh`.
+    /// The side and the usual name: `LeftUpLeg`, `thigh.L` and `l_thigh` are all left, `thigh`, and so
+    /// are the parts of a bone, `upperleg01.L` and `upperleg02.L`.
     usual: (Option<char>, String),
+    /// Whether the usual name is without a number that the name has.
+    is_part: bool,
 }
 
 /// Usual names of the joints of a leg.
 const LEG: [&str; 3] = ["thigh", "shin", "foot"];
 /// Usual names of the joints of an arm.
 const ARM: [&str; 4] = ["shoulder", "arm", "forearm", "hand"];
+/// Usual names of the bones that make a pose of limbs.
+const LIMBS: [&str; 4] = ["thigh", "shin", "arm", "forearm"];
 /// Names for the same joint of a limb, the usual one first.
 const SYNONYMS: [&[&str]; 8] = [
     &["thigh", "upleg", "upperleg", "hip"],
@@ -325,10 +377,19 @@ impl Name {
         let plain = words.concat();
         let at = words.iter().find_map(|w| side(w));
         let joined: String = words.iter().filter(|w| side(w).is_none()).cloned().collect();
-        let usual = SYNONYMS.iter().find(|s| at.is_some() && s.contains(&joined.as_str()));
-        let usual = usual.map_or(joined.clone(), |s| s[0].to_owned());
-        (Self { plain, usual: (at, usual) }, joined)
+        let bone = without_number(&joined);
+        let synonyms = SYNONYMS.iter().find(|s| at.is_some() && s.contains(&bone));
+        let Some(synonyms) = synonyms else {
+            return (Self { plain, usual: (at, joined.clone()), is_part: false }, joined);
+        };
+        let usual = (at, synonyms[0].to_owned());
+        (Self { plain, usual, is_part: bone != joined }, bone.to_owned())
     }
+}
+
+/// A name without the number at its end.
+fn without_number(name: &str) -> &str {
+    name.trim_end_matches(|c: char| c.is_ascii_digit())
 }
 
 /// The side that a word in lower case names.
@@ -368,23 +429,38 @@ pub(super) fn without_prefix(mut names: Vec<&str>) -> Vec<&str> {
     }
 }
 
-/// Height of the hips above the lowest joint or end below them in the rest pose, which is counted from them.
-fn hip_height(bvh: &Bvh, rest: &[Vector], hips: usize) -> Result<Real, BvhError> {
+/// The size of the hips and all below them in the rest pose, and its lowest corner from the hips.
+fn extent(bvh: &Bvh, hips: usize) -> [Vector; 2] {
+    let rest = bvh.rest();
     let is_below = below(|k| bvh.joints[k].parent, rest.len(), |k| k == hips);
     let (mut low, mut high) = (Vector::zeros(), Vector::zeros());
-    let all = bvh.joints.iter().zip(rest).zip(is_below);
-    for ((joint, at), _) in all.filter(|(_, is_below)| *is_below) {
-        for p in joint.end.map(|end| at + end).into_iter().chain([*at]) {
+    for k in (0..rest.len()).filter(|k| is_below[*k]) {
+        let at = rest[k] - rest[hips];
+        for p in bvh.end(k).map(|end| at + end).into_iter().chain([at]) {
             (low, high) = (low.inf(&p), high.sup(&p));
         }
     }
-    let size = high - low;
-    // The span of stretched arms is a person's height; legs are nearly half of it.
-    if -low.y > 0.25 * size.max() {
-        Ok(-low.y)
-    } else {
-        Err(BvhError::NotUpright { height: size.y, width: size.x, depth: size.z })
+    [high - low, low]
+}
+
+/// Least correlation of joints' heights in two rest poses that are the same way up. It is 1 for equal poses,
+/// about 0 along another axis, where left and right are alike, and below 0 head down.
+const SAME_WAY_UP: Real = 0.3;
+
+/// Whether joints of the file lie the higher along an axis, the higher those of the skeleton do.
+fn is_up(axis: usize, rest: &[Vector], matches: &[Option<usize>], skeleton: &Skeleton) -> bool {
+    let joints = skeleton.joints().iter().zip(matches);
+    let heights: Vec<[Real; 2]> =
+        joints.filter_map(|(joint, k)| Some([joint.head.y, rest[(*k)?][axis]])).collect();
+    let count = heights.len() as Real;
+    let [own, other] = [0, 1].map(|k| heights.iter().map(|h| h[k]).sum::<Real>() / count);
+    let (mut both, mut squares) = (0.0, [0.0; 2]);
+    for h in &heights {
+        let (a, b) = (h[0] - own, h[1] - other);
+        both += a * b;
+        squares = [squares[0] + a * a, squares[1] + b * b];
     }
+    both > SAME_WAY_UP * (squares[0] * squares[1]).sqrt()
 }
 
 /// The quarter turns about y from the skeleton to the file.
@@ -440,9 +516,9 @@ fn bones(
     let bones: Vec<(Vector, Vector)> =
         below.map(|(c, m)| (joints[c].head - joints[j].head, rest[m] - rest[k])).collect();
     let (own, other) = if bones.is_empty() {
-        let children = bvh.joints.iter().filter(|c| c.parent == Some(k)).map(|c| c.offset);
-        let other: Vector = bvh.joints[k].end.into_iter().chain(children).sum();
-        (joints[j].tail - joints[j].head, other)
+        let children = (0..rest.len()).filter(|c| bvh.joints[*c].parent == Some(k));
+        let children = children.map(|c| rest[c] - rest[k]);
+        (joints[j].tail - joints[j].head, bvh.end(k).into_iter().chain(children).sum())
     } else {
         bones.iter().fold(Default::default(), |(a, b): (Vector, Vector), (c, d)| (a + c, b + d))
     };

@@ -143,6 +143,48 @@ fn a_motion_of_the_same_skeleton_in_other_units_comes_back_from_bvh() {
 }
 
 #[test]
+fn files_with_z_up_stand() {
+    let skeleton = crate::mannequin::rig::skeleton();
+    let poses = poses(&skeleton);
+    // Blender's axes: z is up, and y points backwards.
+    let swap = |line: &str| match line.split(' ').collect::<Vec<_>>()[..] {
+        ["OFFSET", x, y, z] => format!("OFFSET {x} {} {y}", -z.parse::<Real>().unwrap()),
+        ["CHANNELS", "6", ..] => {
+            "CHANNELS 6 Xposition Yposition Zposition Yrotation Zrotation Xrotation".into()
+        }
+        ["CHANNELS", "3", ..] => "CHANNELS 3 Yrotation Zrotation Xrotation".into(),
+        _ => line.to_owned(),
+    };
+    // What turns about z by an angle turns about -y by it.
+    let swapped = |row: &str| {
+        let v: Vec<Real> = row.split(' ').map(|v| v.parse().unwrap()).collect();
+        let turns = v[3..].chunks(3).flat_map(|t| [-t[0], t[1], t[2]]);
+        let all: Vec<String> =
+            [v[0], -v[2], v[1]].into_iter().chain(turns).map(|v| v.to_string()).collect();
+        all.join(" ")
+    };
+    let text = written(&skeleton, &poses, 10.0);
+    let (hierarchy, rows) = text.split_once("Frame Time: 0.04\n").unwrap();
+    let hierarchy: Vec<String> = hierarchy.lines().map(swap).collect();
+    let rows: Vec<String> = rows.lines().map(swapped).collect();
+    let text = format!("{}\nFrame Time: 0.04\n{}\n", hierarchy.join("\n"), rows.join("\n"));
+    let motion = Motion::read(text.as_bytes(), &skeleton).unwrap();
+    for (a, b) in motion.poses.iter().zip(&poses) {
+        let moved = a.root_translation - b.root_translation;
+        assert!(moved.norm() < 1e-9, "{moved}");
+        assert!(a.largest_turn(b) < 1e-7, "{}", a.largest_turn(b));
+    }
+    // Head down, it stands along no axis.
+    let down = |line: &str| match line.split(' ').collect::<Vec<_>>()[..] {
+        ["OFFSET", x, y, z] => format!("OFFSET {x} {y} {}", -z.parse::<Real>().unwrap()),
+        _ => line.to_owned(),
+    };
+    let text: Vec<String> = text.lines().map(down).collect();
+    let fault = Motion::read(text.join("\n").as_bytes(), &skeleton).unwrap_err().to_string();
+    assert!(fault.contains("y or z must be up"), "{fault}");
+}
+
+#[test]
 fn joints_above_the_hips_are_no_hips() {
     let skeleton = crate::mannequin::rig::skeleton();
     let poses = poses(&skeleton);
@@ -389,9 +431,9 @@ fn invalid_bvh_files_are_errors_that_name_the_place() {
     let good = written(&skeleton, &poses(&skeleton), 1.0);
     let error = |text: &str| Motion::read(text.as_bytes(), &skeleton).unwrap_err().to_string();
     let lying = |text: &str| {
-        // Offsets with y and z exchanged: z is up.
+        // Offsets with x and y exchanged: x is up.
         let swap = |line: &str| match line.split(' ').collect::<Vec<_>>()[..] {
-            ["OFFSET", x, y, z] => format!("OFFSET {x} {z} {y}"),
+            ["OFFSET", x, y, z] => format!("OFFSET {y} {x} {z}"),
             _ => line.to_owned(),
         };
         text.lines().map(swap).collect::<Vec<_>>().join("\n")
@@ -415,7 +457,7 @@ fn invalid_bvh_files_are_errors_that_name_the_place() {
             "3 of the skeleton's 13 joints are in the file, among the others not `left_",
         ),
         (good.replace("left", "west").replace("right", "east"), "the file has `hips`, `"),
-        (lying(&good), "y must be up"),
+        (lying(&good), "y or z must be up"),
         ("HIERARCHY\nROOT hips".to_owned(), "the name of a joint and {"),
     ];
     for (text, expected) in table {
@@ -541,4 +583,107 @@ fn a_head_without_an_end_does_not_lean_as_the_neck() {
     let frames = body.frames(&motion.poses[0]).unwrap();
     let [neck, head] = [2, 1].map(|k| frames[body.len() - k].rotation.angle());
     assert!(neck > 0.4 && head < 1e-6, "{neck} {head}");
+}
+
+/// The skeleton with joints renamed and others put on top of theirs: (its name, names of the parts).
+fn renamed(skeleton: &Skeleton, names: &[(&str, &[&str])]) -> Skeleton {
+    let mut joints: Vec<Joint> = Vec::new();
+    let mut last = Vec::new();
+    for joint in skeleton.joints() {
+        let own = [joint.name.as_str()];
+        let parts = names.iter().find(|(name, _)| *name == joint.name).map_or(&own[..], |n| n.1);
+        let mut parent = joint.parent.map(|p| last[p]);
+        for (k, part) in parts.iter().enumerate() {
+            let along = (joint.tail - joint.head) * (k as Real / parts.len() as Real);
+            let joint =
+                Joint { name: (*part).into(), parent, head: joint.head + along, ..joint.clone() };
+            joints.push(joint);
+            parent = Some(joints.len() - 1);
+        }
+        last.push(joints.len() - 1);
+    }
+    Skeleton::new(joints).unwrap()
+}
+
+#[test]
+fn bones_of_several_parts_neck_and_head_follow_those_of_the_file() {
+    let mut joints = person(&[("Spine", 0.5), ("Spine1", 1.0)]).joints().to_vec();
+    let chest = joints.iter().position(|j| j.name == "Spine1").unwrap();
+    for (name, parent, y) in [("Neck", chest, 1.45), ("Head", joints.len(), 1.55)] {
+        let (head, tail) = (Point::new(0.0, y, 0.0), Point::new(0.0, y + 0.1, 0.0));
+        joints.push(Joint { name: name.into(), parent: Some(parent), head, tail });
+    }
+    let cmu = Skeleton::new(joints).unwrap();
+    let rigify = renamed(
+        &cmu,
+        &[
+            ("Spine", &["spine.001"]),
+            ("Spine1", &["spine.003"]),
+            ("Neck", &["spine.004", "spine.005"]),
+            ("Head", &["spine.006"]),
+            ("LeftUpLeg", &["thigh.L", "thigh.L.001"]),
+        ],
+    );
+    let unreal = renamed(&cmu, &[("Neck", &["neck_01", "neck_02"]), ("Head", &["head"])]);
+    let makehuman = renamed(
+        &cmu,
+        &[
+            ("Spine", &["spine04"]),
+            ("Spine1", &["spine02", "spine01"]),
+            ("Neck", &["neck01", "neck02"]),
+            ("Head", &["head"]),
+            ("LeftUpLeg", &["upperleg01.L", "upperleg02.L"]),
+            ("LeftLeg", &["lowerleg01.L", "lowerleg02.L"]),
+            ("LeftFoot", &["foot.L"]),
+            ("LeftArm", &["upperarm01.L", "upperarm02.L"]),
+            ("LeftForeArm", &["lowerarm01.L", "lowerarm02.L"]),
+            ("LeftHand", &["wrist.L"]),
+        ],
+    );
+    let of =
+        |skeleton: &Skeleton, pose: &Pose, j: usize| skeleton.frames(pose).unwrap()[j].rotation;
+    for rig in [&rigify, &unreal, &makehuman] {
+        for (file, body) in [(rig, &cmu), (&cmu, rig), (rig, rig)] {
+            let mut pose = Pose::rest(file.len());
+            for (j, turn) in pose.rotations.iter_mut().enumerate() {
+                *turn = UnitQuaternion::from_euler_angles(0.02 * j as Real, 0.01, -0.03);
+            }
+            let text = written(file, &[pose.clone()], 1.0);
+            let motion = Motion::read(text.as_bytes(), body).unwrap();
+            let (head_of_file, head) = (file.len() - 1, body.len() - 1);
+            let [expected, found] =
+                [of(file, &pose, head_of_file), of(body, &motion.poses[0], head)];
+            assert!(found.angle_to(&expected) < 1e-6, "head: {:?}", motion.unmatched);
+            if std::ptr::eq(file, body) {
+                assert_eq!(motion.unmatched, [""; 0]);
+                assert!(motion.poses[0].largest_turn(&pose) < 1e-6);
+            }
+            // No joint of the body is missing that is no further part of a bone.
+            let is_part = |name: &String| name.contains("02.L") || name.ends_with(".L.001");
+            let left: Vec<_> = motion.unmatched.iter().filter(|name| !is_part(name)).collect();
+            assert!(left.is_empty(), "{left:?}");
+        }
+    }
+}
+
+#[test]
+fn a_skeleton_with_many_joints_of_a_face_is_posed_by_a_file_without() {
+    let file = person(&[("Spine", 1.0)]);
+    let mut joints = file.joints().to_vec();
+    let chest = joints.iter().position(|j| j.name == "Spine").unwrap();
+    for k in 0..40 {
+        joints.push(Joint {
+            name: format!("face{k}"),
+            parent: Some(chest),
+            ..joints[chest].clone()
+        });
+    }
+    let body = Skeleton::new(joints).unwrap();
+    let text = written(&file, &[Pose::rest(file.len())], 1.0);
+    let motion = Motion::read(text.as_bytes(), &body).unwrap();
+    assert_eq!(motion.unmatched.len(), 40);
+    // With a limb less there is too little.
+    let text = text.replace("LeftForeArm", "tail");
+    let fault = Motion::read(text.as_bytes(), &body).unwrap_err().to_string();
+    assert!(fault.contains("among the others not `LeftForeArm`"), "{fault}");
 }
