@@ -29,6 +29,7 @@ mod drawn_back;
 mod equilibrium;
 mod facing;
 mod keep;
+mod let_go;
 mod locality;
 mod opening;
 mod params;

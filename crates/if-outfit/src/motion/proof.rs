@@ -44,7 +44,7 @@ pub struct Proof {
     pub inside: usize,
     /// For each layer, the body first, its intersecting triangle pairs with itself.
     pub own_pairs: Vec<usize>,
-    /// Own pairs that the rest state does not have. A body that is kept counts for nothing here.
+    /// Own pairs of garments that the rest state does not have.
     pub new_own_pairs: usize,
     /// What lies in the pinches of a body that is kept ([`Walker::keep`](super::Walker::keep)), in
     /// no other field; `None` if the body yields.
@@ -88,7 +88,9 @@ pub(super) fn prove(scene: &Scene, positions: &[Point], tolerated: &Tolerated) -
         let own: Vec<[u32; 2]> =
             own_pairs(mesh, tree).iter().map(|p| [p.a + first, p.b + first]).collect();
         proof.own_pairs.push(own.len());
-        proof.new_own_pairs += tolerated.left(&own).len();
+        if k > 0 {
+            proof.new_own_pairs += tolerated.left(&own).len();
+        }
         for (j, (_, below)) in layers[..k].iter().enumerate() {
             let found = pairs(below, tree);
             proof.pairs += found.len();

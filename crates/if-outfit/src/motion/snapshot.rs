@@ -8,7 +8,7 @@ use super::walk::Walker;
 use if_core::math::{Point, Real, Vector};
 
 /// First bytes of a snapshot.
-const MAGIC: &[u8; 8] = b"ifwalk01";
+const MAGIC: &[u8; 8] = b"ifwalk02";
 
 /// A snapshot cannot be restored.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
@@ -39,6 +39,10 @@ impl Walker {
         count(&mut out, self.met.len());
         for (pair, (times, left)) in &self.met {
             [pair[0], pair[1], *times, *left].iter().for_each(|v| out.extend(v.to_le_bytes()));
+        }
+        count(&mut out, self.let_go());
+        for (t, _) in (0u32..).zip(&self.tolerated.let_go).filter(|(_, let_go)| **let_go) {
+            out.extend(t.to_le_bytes());
         }
         out
     }
@@ -78,6 +82,12 @@ impl Walker {
             let pair = [input.index(triangles)? as u32, input.index(triangles)? as u32];
             met.insert(pair, (input.small()?, input.small()?));
         }
+        let body = self.scene.triangle_starts[1];
+        let mut let_go = Vec::new();
+        for _ in 0..input.count(4)? {
+            let_go.resize(body, false);
+            let_go[input.index(body)?] = true;
+        }
         if !input.0.is_empty() {
             return Err(SnapshotError { what: "it is too long" });
         }
@@ -85,6 +95,7 @@ impl Walker {
         self.target = target;
         self.multipliers = Multipliers::from_parts(edges, contacts);
         self.met = met;
+        self.tolerated.let_go = let_go;
         Ok(())
     }
 }

@@ -7,6 +7,8 @@ pub(super) struct Tolerated {
     pub(super) own: Vec<[u32; 2]>,
     /// For each triangle of a body that is kept whether it lies in a pinch; `None` if the body yields.
     pub(super) pinched: Option<Vec<bool>>,
+    /// For each triangle of the body whether it may meet others of these; empty if none may.
+    pub(super) let_go: Vec<bool>,
 }
 
 impl Tolerated {
@@ -16,7 +18,9 @@ impl Tolerated {
             let [a, b] = pair.map(|t| t as usize);
             b < pinched.len() || pinched.get(a) == Some(&true)
         };
-        self.own.binary_search(&pair).is_ok() || self.pinched.as_ref().is_some_and(is_kept)
+        self.own.binary_search(&pair).is_ok()
+            || self.pinched.as_ref().is_some_and(is_kept)
+            || pair.iter().all(|t| self.let_go.get(*t as usize) == Some(&true))
     }
 
     /// Those of the pairs that may not be.

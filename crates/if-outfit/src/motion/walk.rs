@@ -104,6 +104,8 @@ pub struct Walker {
     pub(super) clean: Clean,
     pub(super) multipliers: Multipliers,
     pub(super) met: Met,
+    /// Whether the body is let go where it alone keeps a step from being clean.
+    pub(super) is_letting_go: bool,
     /// How states are stored: to what each is rounded before it is verified.
     pub(super) storage: Storage,
 }
@@ -153,9 +155,10 @@ impl Walker {
             clean: Clean { x, tree, is_verified: true },
             multipliers: Multipliers::default(),
             met: Met::new(),
+            is_letting_go: false,
             scene,
             params,
-            tolerated: Tolerated { own: tolerated, pinched: None },
+            tolerated: Tolerated { own: tolerated, ..Tolerated::default() },
             storage,
         })
     }
@@ -227,7 +230,7 @@ impl Walker {
     }
 
     /// Goes back to the rest state, moved as a whole: `target` is the rest state after a rotation
-    /// and translation.
+    /// and translation. What was let go stays so.
     ///
     /// # Errors
     ///
@@ -247,7 +250,8 @@ impl Walker {
     /// ones.
     ///
     /// If a step does not end clean after it was halved [`WalkParams::halvings`] times, the walk
-    /// ends early, in the last clean state.
+    /// ends early, in the last clean state; but where the body alone is in the way, it may be
+    /// [let go](Self::set_letting_go).
     ///
     /// # Errors
     ///
@@ -309,6 +313,10 @@ impl Walker {
             walked.halved += 1;
             step = 0.5 * (to - walked.reached);
             if step < 0.999 * least {
+                if self.is_letting_go && self.let_go_near(&attempt.pairs, &target) {
+                    step = least;
+                    continue;
+                }
                 walked.unresolved =
                     attempt.pairs.iter().map(|p| p.map(|t| self.scene.local_triangle(t))).collect();
                 break;

@@ -182,6 +182,13 @@ impl<'a> Animator<'a> {
             // Contacts that cannot all be met, as in a lap, push without bound.
             restarted |= self.walk_from_rest(SOFT, &mut walked, monitor)?;
         }
+        if walked.unresolved.iter().any(|[a, b]| a.0 == 0 && b.0 == 0) {
+            // The body meets itself, and that may be far from any garment.
+            self.walker.set_letting_go(true);
+            let found = self.walk_from_rest(self.params.walk.softness, &mut walked, monitor);
+            self.walker.set_letting_go(false);
+            restarted |= found?;
+        }
         let reached = walked.reached >= 1.0;
         let positions = if reached {
             self.walker.positions().to_vec()
@@ -196,6 +203,7 @@ impl<'a> Animator<'a> {
             halved: walked.halved,
             solves: walked.solves,
             wide: walked.wide,
+            let_go: self.walker.let_go(),
             seconds: start.elapsed().as_secs_f64(),
             ..FrameReport::default()
         };
@@ -245,6 +253,7 @@ impl<'a> Animator<'a> {
     /// Goes to the rest pose, moved as a whole to where the next frame has it.
     fn restart(&mut self) -> Result<(), AnimateError> {
         let (place, target) = self.movement.rest_near(self.frame, self.walker.rest())?;
+        self.walker.hold_all();
         self.walker.restart(target)?;
         self.place = place;
         Ok(())

@@ -62,8 +62,12 @@ pub struct FrameReport {
     pub own_pairs: usize,
     /// Intersecting triangle pairs of the body with itself.
     pub body_own_pairs: usize,
-    /// Own pairs, of garments and of the body, that the rest pose does not have.
+    /// Own pairs of garments that the rest pose does not have.
     pub new_own_pairs: usize,
+    /// Triangles of the body that may meet one another, such as those of fingers in a fist: no way to the
+    /// pose was clean otherwise.
+    #[serde(default)]
+    pub let_go: usize,
     /// Displacement of the garments' vertices from the skinned ones.
     pub moved: Spread,
     /// How the body yields.
@@ -99,8 +103,9 @@ pub struct FrameReport {
 }
 
 impl FrameReport {
-    /// No intersecting pairs between layers, no vertex on a wrong side, no own pair that the rest
-    /// pose does not have. What lies in pinches of a body that is kept does not count.
+    /// No intersecting pairs between layers, no vertex on a wrong side, no own pair of a garment that the
+    /// rest pose does not have. What lies in pinches of a body that is kept does not count, nor do own
+    /// pairs of the body.
     pub fn is_clean(&self) -> bool {
         self.pairs == 0 && self.inside == 0 && self.new_own_pairs == 0
     }

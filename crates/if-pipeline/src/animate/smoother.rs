@@ -53,6 +53,8 @@ struct Mean {
     positions: Vec<Point>,
     /// Whether it stayed where it was walked to.
     is_walked: bool,
+    /// Whether the body meets itself there, as it was let go.
+    is_let_go: bool,
     /// Its displacements v.
     local: Vec<Local>,
     /// What contacts added to the mean, v − ū.
@@ -86,9 +88,9 @@ impl<'a> Smoother<'a> {
         let Some(Some(mean)) = self.means.get(&k) else { return Ok(Vec::new()) };
         let to = self.prepared(k, mean);
         let (from, moves) = (mean.positions.clone(), differ(&to, &mean.local));
-        let is_walked = mean.is_walked;
+        let (is_walked, is_let_go) = (mean.is_walked, mean.is_let_go);
         let mut found = Vec::new();
-        if moves && let Some(positions) = self.approach(k, &from, &to)? {
+        if moves && let Some(positions) = self.approach(k, (&from, is_let_go), &to)? {
             found.push(positions);
         }
         if !is_walked {
@@ -113,7 +115,8 @@ impl<'a> Smoother<'a> {
         let local = maps.local(&target, &positions);
         let added = local.iter().zip(&mean).map(|(v, mean)| v - mean).collect();
         let (local, added) = (stored(local), stored(added));
-        Ok(Some(Mean { positions, is_walked: !row.smoothed, local, added }))
+        let (is_walked, is_let_go) = (!row.smoothed, row.let_go > 0);
+        Ok(Some(Mean { positions, is_walked, is_let_go, local, added }))
     }
 
     /// Frame `k` as near to the mean of its neighbours as contacts permit, and its row, which says
@@ -129,7 +132,7 @@ impl<'a> Smoother<'a> {
         if let (Some(mean), Some(own)) = (self.average(k), &self.walked[&k])
             && differ(&mean, own)
         {
-            moved = self.approach(k, &from, &mean)?;
+            moved = self.approach(k, (&from, row.let_go > 0), &mean)?;
         }
         let row = FrameReport { smoothed: moved.is_some(), ..row };
         Ok((moved.unwrap_or(from), row))
@@ -150,13 +153,19 @@ impl<'a> Smoother<'a> {
         Ok(())
     }
 
-    /// Frame `k` from the clean positions `from` towards some displacements; none if it stays there.
+    /// Frame `k` from the clean positions `from`, in which the body may meet itself if it was let go,
+    /// towards some displacements; none if it stays there.
     fn approach(
         &mut self,
         k: usize,
-        from: &[Point],
+        (from, is_let_go): (&[Point], bool),
         displacements: &[Vector],
     ) -> Result<Option<Vec<Point>>, AnimateError> {
+        if is_let_go {
+            self.walker.let_go_as_in(from)?;
+        } else {
+            self.walker.hold_all();
+        }
         let (maps, target) = self.target(k)?;
         let to = maps.displaced(&target, displacements);
         self.walker.approach(from, &to, &target, &mut Silent)?;

@@ -5,6 +5,7 @@ use if_core::math::{Point, Vector};
 use if_core::mesh::TriMesh;
 use if_core::monitor::{Cancelled, Progress, Silent};
 use if_core::nalgebra::UnitQuaternion;
+use if_outfit::motion::WalkParams;
 use if_outfit::{Layer, Outfit, Pinch};
 
 /// The mannequin in trousers; weights of the body alone.
@@ -399,5 +400,49 @@ fn a_vertex_of_no_triangle_that_frames_cannot_store_is_named() {
     assert!(
         matches!(&found, AnimateError::Vertex { layer, vertex: v, .. } if *layer == name && *v == vertex),
         "{found}"
+    );
+}
+
+#[test]
+fn a_limb_that_goes_into_the_body_far_from_cloth_does_not_hold_the_cloth_back() {
+    let SkinnedOutfit { outfit, skeleton, .. } = limb_and_cloth();
+    // A ball of the body, into which the limb goes as it leaves the cloth.
+    let ball = if_core::shapes::meshes::icosphere(0.01, 2);
+    let limb = &outfit.body.mesh;
+    let count = limb.vertices().len();
+    let beside = ball.vertices().iter().map(|p| p - Vector::x() * 0.03);
+    let vertices = limb.vertices().iter().copied().chain(beside).collect();
+    let triangles = ball.triangles().iter().map(|t| t.map(|v| v + count as u32));
+    let triangles = limb.triangles().iter().copied().chain(triangles).collect();
+    let body = TriMesh::new(vertices, triangles).unwrap();
+    let joints = (0..body.vertices().len()).map(|v| [u16::from(v < count), 0, 0, 0]).collect();
+    let weights = vec![[1.0, 0.0, 0.0, 0.0]; body.vertices().len()];
+    let skin = SkinWeights::new(joints, weights, 2).unwrap();
+    let cloth = outfit.garments[0].clone();
+    let still = vec![[0, 0, 0, 0]; cloth.mesh.vertices().len()];
+    let weights = vec![[1.0, 0.0, 0.0, 0.0]; still.len()];
+    let skins = vec![Some(skin), Some(SkinWeights::new(still, weights, 2).unwrap())];
+    let outfit = Outfit::new(Layer::new("body", body), vec![cloth]).unwrap();
+    let outfit = SkinnedOutfit::new(outfit, skeleton, skins).unwrap();
+    let pose = |frame: usize| {
+        let mut pose = Pose::rest(2);
+        let angle = -1e-3 * frame as f64;
+        pose.rotations[1] = UnitQuaternion::from_axis_angle(&Vector::y_axis(), angle);
+        pose
+    };
+    let poses: Vec<Pose> = (0..5).map(pose).collect();
+    let motion = Motion { frames_per_second: 30.0, poses, unmatched: Vec::new() };
+    // One solve of one sweep separates nothing.
+    let weak = WalkParams { solves: 1, sweeps: 1, halvings: 0, ..WalkParams::default() };
+    let params = AnimateParams { walk: weak, ..AnimateParams::default() };
+    let folder = tempfile::tempdir().unwrap();
+    let done = animate(&outfit, &motion, &params, folder.path(), &mut Silent).unwrap().report;
+    assert!(done.frames.iter().all(|f| f.reached), "{:?}", done.frames);
+    assert_eq!((done.clean, done.clean_everywhere), (5, 2), "{:?}", done.frames);
+    let let_go: Vec<bool> = done.frames.iter().map(|f| f.let_go > 0).collect();
+    let meets: Vec<bool> = done.frames.iter().map(|f| f.body_own_pairs > 0).collect();
+    assert_eq!(
+        [let_go, meets],
+        [vec![false, false, true, true, true], vec![false, false, true, true, true]]
     );
 }
