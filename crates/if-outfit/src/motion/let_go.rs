@@ -61,7 +61,9 @@ impl Walker {
         }
         let Self { met, tolerated, .. } = self;
         met.retain(|pair, _| !tolerated.permits(*pair));
-        self.let_go() > before
+        let let_go = self.let_go();
+        tracing::debug!(let_go, before, "let go");
+        let_go > before
     }
 }
 
