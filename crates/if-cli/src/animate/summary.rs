@@ -56,9 +56,9 @@ pub(super) fn text(
         n => format!(", {n} frames kept from an earlier run"),
     };
     let between = between.map_or(String::new(), between_text);
-    let pinches = pinches(frames);
+    let (pinches, let_go) = (pinches(frames), let_go(frames));
     format!(
-        "{rows}\n\n{pinches}{between}{from_body}{still}{misplaced}{} frames: {} clean, {} clean everywhere; body at most {:.1} mm, {:.0} mm from its overlaps, jitter p99 {:.2} mm, \
+        "{rows}\n\n{pinches}{let_go}{between}{from_body}{still}{misplaced}{} frames: {} clean, {} clean everywhere; body at most {:.1} mm, {:.0} mm from its overlaps, jitter p99 {:.2} mm, \
          at most {:.1} mm, shake p99 {:.2} mm; {:.2} s a frame, {:.1} s in all{kept}\nWrote {}: {}\n",
         count(frames.len()),
         count(report.clean),
@@ -94,6 +94,24 @@ pub(super) fn pinches(frames: &[FrameReport]) -> String {
         count(sum(|p| p.pairs)),
         count(sum(|p| p.inside)),
         count(in_it),
+        count(frames.len()),
+    )
+}
+
+/// Where the body may meet itself, as nothing separates it there; empty if it is held everywhere.
+fn let_go(frames: &[FrameReport]) -> String {
+    let found = || frames.iter().filter(|f| f.let_go > 0);
+    let Some(worst) = found().max_by_key(|f| (f.body_own_pairs, Reverse(f.frame))) else {
+        return String::new();
+    };
+    let left = match worst.body_own_pairs {
+        0 => "; in none it does".to_owned(),
+        pairs => format!("; most in frame {}: {} pairs", worst.frame, count(pairs)),
+    };
+    format!(
+        "The body was let go in {} of {} frames: nothing keeps it from meeting itself there, as fingers do in a fist{left}. \
+         `--strict` refuses such pairs.\n\n",
+        count(found().count()),
         count(frames.len()),
     )
 }
@@ -164,4 +182,23 @@ pub(super) fn cells((k, row): (usize, &FrameReport)) -> [String; 12] {
         format!("{:.2} -> {:.2}", 1e2 * row.strain_p99_skinned, 1e2 * row.strain_p99),
         format!("{:.2}", row.seconds),
     ]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn frames_in_which_the_body_is_let_go_are_counted_and_the_worst_is_named() {
+        let frame = |frame, let_go, body_own_pairs| {
+            let mut row = FrameReport::default();
+            (row.frame, row.let_go, row.body_own_pairs) = (frame, let_go, body_own_pairs);
+            row
+        };
+        assert_eq!(let_go(&[frame(0, 0, 7)]), "");
+        let text = let_go(&[frame(0, 0, 90), frame(1, 50, 3), frame(2, 60, 8)]);
+        assert!(text.contains("2 of 3 frames") && text.contains("frame 2: 8 pairs"), "{text}");
+        let text = let_go(&[frame(4, 50, 0)]);
+        assert!(text.contains("1 of 1 frames") && text.contains("in none it does"), "{text}");
+    }
 }
