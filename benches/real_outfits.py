@@ -4,7 +4,8 @@
     benches/real_outfits.py --ifg target/release/ifg --data ../shared/data [--referee ../shared/tools/referee.py --python PY]
                             [--out out/real] [--only o1 o3] [--bodies body_c [--draw 20 --seed 1]] [--markdown TABLE.md] [-- extra arguments of ifg fix]
 
-The bodies are body_a and body_b unless others are named. --draw takes outfits of 3 to 6 layers from the bodies' slots.json.
+The bodies are body_a and body_b unless others are named. --draw takes outfits of 3 to 6 layers from the bodies' slots.json; --only takes
+names that begin so, and of drawn ones whole names (d1_124).
 Prints, for each outfit: wall time of the whole command, pairs and vertices inside before and after by our count, the
 referee's pairs after (and before), and for each layer what moved, strain and own pairs; --markdown writes the same as a table. Needs Python 3.9; the referee
 needs numpy, scipy, libigl and meshio in PY.
@@ -29,7 +30,7 @@ def main():
     a = p.parse_args(argv)
     total, bad, table = 0.0, 0, []
     if a.draw:
-        found = [outfit for body in a.bodies for outfit in drawn(a.data, body, a.draw, a.seed)]
+        found = [outfit for body in a.bodies for outfit in drawn(a.data, body, a.draw, a.seed) if not a.only or outfit.name in a.only]
     else:
         found = outfits(a.data, a.bodies, a.only)
     for _, name, skin, layers, garments in found:
