@@ -20,7 +20,7 @@ impl Walker {
     }
 
     /// Triangles of the body that are let go.
-    pub fn let_go(&self) -> usize {
+    pub fn triangles_let_go(&self) -> usize {
         self.tolerated.let_go.iter().filter(|is| **is).count()
     }
 
@@ -52,7 +52,7 @@ impl Walker {
         let places: Vec<Point> =
             met.flat_map(|t| triangles[*t as usize]).map(|v| reference[v as usize]).collect();
         let is_near = near(&reference[..vertices], &places, REACH);
-        let before = self.let_go();
+        let before = self.triangles_let_go();
         if !places.is_empty() {
             self.tolerated.let_go.resize(body, false);
         }
@@ -61,7 +61,7 @@ impl Walker {
         }
         let Self { met, tolerated, .. } = self;
         met.retain(|pair, _| !tolerated.permits(*pair));
-        let let_go = self.let_go();
+        let let_go = self.triangles_let_go();
         tracing::debug!(let_go, before, "let go");
         let_go > before
     }
@@ -109,13 +109,13 @@ mod tests {
             x
         };
         let walked = walker.walk(1, &path, &mut Silent).unwrap();
-        assert!(walked.reached < 1.0 && walker.let_go() == 0, "{walked:?}");
+        assert!(walked.reached < 1.0 && walker.triangles_let_go() == 0, "{walked:?}");
         assert!(walked.unresolved.iter().flatten().all(|(layer, _)| *layer == 0));
 
         walker.restart(rest.clone()).unwrap();
         walker.set_letting_go(true);
         assert_eq!(walker.walk(1, &path, &mut Silent).unwrap().reached, 1.0);
-        let (let_go, now) = (walker.let_go(), walker.positions().to_vec());
+        let (let_go, now) = (walker.triangles_let_go(), walker.positions().to_vec());
         assert!(let_go > 100 && let_go <= 640, "the balls alone, of {body}: {let_go}");
         assert!(walker.intersections(&now).unwrap().is_empty());
         let proof = walker.prove(&now).unwrap();
@@ -125,9 +125,9 @@ mod tests {
         // A snapshot holds it, and so does another walker that takes the state.
         let mut other = Walker::new(&scene, weak).unwrap();
         other.restore(&walker.snapshot()).unwrap();
-        assert_eq!(other.let_go(), let_go);
+        assert_eq!(other.triangles_let_go(), let_go);
         other.hold_all();
-        assert!(other.let_go() == 0 && !other.intersections(&now).unwrap().is_empty());
+        assert!(other.triangles_let_go() == 0 && !other.intersections(&now).unwrap().is_empty());
         other.let_go_as_in(&now).unwrap();
         assert!(other.intersections(&now).unwrap().is_empty());
     }
@@ -150,6 +150,6 @@ mod tests {
         };
         walker.set_letting_go(true);
         let walked = walker.walk(1, &path, &mut Silent).unwrap();
-        assert!(walked.reached < 1.0 && walker.let_go() == 0, "{walked:?}");
+        assert!(walked.reached < 1.0 && walker.triangles_let_go() == 0, "{walked:?}");
     }
 }

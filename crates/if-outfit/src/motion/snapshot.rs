@@ -40,7 +40,7 @@ impl Walker {
         for (pair, (times, left)) in &self.met {
             [pair[0], pair[1], *times, *left].iter().for_each(|v| out.extend(v.to_le_bytes()));
         }
-        count(&mut out, self.let_go());
+        count(&mut out, self.triangles_let_go());
         for (t, _) in (0u32..).zip(&self.tolerated.let_go).filter(|(_, let_go)| **let_go) {
             out.extend(t.to_le_bytes());
         }

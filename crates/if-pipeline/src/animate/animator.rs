@@ -203,7 +203,7 @@ impl<'a> Animator<'a> {
             halved: walked.halved,
             solves: walked.solves,
             wide: walked.wide,
-            let_go: self.walker.let_go(),
+            let_go: self.walker.triangles_let_go(),
             seconds: start.elapsed().as_secs_f64(),
             ..FrameReport::default()
         };
