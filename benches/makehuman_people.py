@@ -91,18 +91,26 @@ def fitted(path, body):
     return np.array(places)
 
 
-def write(path, vertices, faces):
+def write(path, vertices, faces, properties=None):
+    """A mesh of the vertices that triangles use, with properties of all vertices."""
     used, faces = np.unique(faces, return_inverse=True)
     cells = [("triangle", faces.reshape(-1, 3).astype(np.int32))]
-    meshio.write(path, meshio.Mesh((DECIMETRES * vertices[used]).astype(np.float32), cells))
+    of_used = {name: values[used] for name, values in (properties or {}).items()}
+    meshio.write(path, meshio.Mesh((DECIMETRES * vertices[used]).astype(np.float32), cells, point_data=of_used))
+
+
+def standing(makehuman, name):
+    """A person on the floor, and the triangles of its skin."""
+    base, polygons, groups = read_obj(makehuman / "makehuman/data/3dobjs/base.obj")
+    skin = triangles([p for p, g in zip(polygons, groups) if g == "body"])
+    body = person(makehuman, base, *PEOPLE[name])
+    body[:, 1] -= body[skin, 1].min()
+    return body, skin
 
 
 def make(a, folder, name):
     """Writes a person and the parts of all clothes that have at least 150 triangles."""
-    base, polygons, groups = read_obj(a.makehuman / "makehuman/data/3dobjs/base.obj")
-    skin = triangles([p for p, g in zip(polygons, groups) if g == "body"])
-    body = person(a.makehuman, base, *PEOPLE[name])
-    body[:, 1] -= body[skin, 1].min()
+    body, skin = standing(a.makehuman, name)
     folder.mkdir(parents=True, exist_ok=True)
     write(folder / "body.ply", body, skin)
     for path in sorted((a.assets / "base/clothes").glob("*/*suit*.mhclo")):
@@ -129,22 +137,31 @@ def drawn(seed, count):
         yield f"m{seed}_{k:02}", list(PEOPLE)[k % len(PEOPLE)], order
 
 
-def main():
-    argv, extra = arguments()
-    p = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+def options(text, seed, out):
+    """The arguments that tools for these people have in common."""
+    p = argparse.ArgumentParser(description=text, formatter_class=argparse.RawDescriptionHelpFormatter)
     p.add_argument("--makehuman", type=pathlib.Path, required=True)
     p.add_argument("--assets", type=pathlib.Path, required=True)
     p.add_argument("--ifg", default="target/release/ifg")
     p.add_argument("--count", type=int, default=36)
-    p.add_argument("--seed", type=int, default=1)
+    p.add_argument("--seed", type=int, default=seed)
     p.add_argument("--only", nargs="*")
-    p.add_argument("--out", type=pathlib.Path, default=pathlib.Path("out/people"))
+    p.add_argument("--out", type=pathlib.Path, default=pathlib.Path(out))
+    return p
+
+
+def chosen(a):
+    """Those drawn that are asked for."""
+    return [outfit for outfit in drawn(a.seed, a.count) if not a.only or outfit[0] in a.only]
+
+
+def main():
+    argv, extra = arguments()
+    p = options(__doc__, 1, "out/people")
     p.add_argument("--referee")
     a = p.parse_args(argv)
     states = collections.Counter()
-    for identifier, name, order in drawn(a.seed, a.count):
-        if a.only and identifier not in a.only:
-            continue
+    for identifier, name, order in chosen(a):
         folder, out = a.out / name, a.out / identifier
         if not (folder / "body.ply").exists():
             make(a, folder, name)

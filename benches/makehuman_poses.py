@@ -8,16 +8,13 @@ Folders and outfits are those of makehuman_people.py. The skeleton has 163 joint
 with z up (all of the assets by default). Garments take their weights from the body. Prints a line a pose, and the shares of states.
 Needs numpy, scipy and meshio.
 """
-import argparse
 import collections
 import json
-import pathlib
 import subprocess
 import sys
 
-import meshio
 import numpy as np
-from makehuman_people import DECIMETRES, PEOPLE, drawn, make, person, read_obj, triangles
+from makehuman_people import DECIMETRES, chosen, make, options, standing, write
 from outfit_data import arguments, processor_seconds
 
 
@@ -38,12 +35,9 @@ def parents_first(bones):
 
 def rig(makehuman, folder, name):
     """Writes a person with the weights of MakeHuman's default rig, and its skeleton."""
-    data = makehuman / "makehuman/data"
-    base, polygons, groups = read_obj(data / "3dobjs/base.obj")
-    skin = triangles([p for p, g in zip(polygons, groups) if g == "body"])
-    body = person(makehuman, base, *PEOPLE[name])
-    body[:, 1] -= body[skin, 1].min()
-    skeleton = json.loads((data / "rigs/default.mhskel").read_text())
+    body, skin = standing(makehuman, name)
+    rigs = makehuman / "makehuman/data/rigs"
+    skeleton = json.loads((rigs / "default.mhskel").read_text())
     bones, order = skeleton["bones"], parents_first(skeleton["bones"])
 
     def at(joint):
@@ -52,40 +46,29 @@ def rig(makehuman, folder, name):
     joints = [{"id": k, "name": bone, "parent": order.index(bones[bone]["parent"]) if bones[bone].get("parent") else -1,
                "head": at(bones[bone]["head"]), "tail": at(bones[bone]["tail"])} for k, bone in enumerate(order)]
     (folder / "skeleton.json").write_text(json.dumps({"joints": joints}))
-    weights = np.zeros((len(base), len(order)))
-    for bone, of_bone in json.loads((data / "rigs/default_weights.mhw").read_text())["weights"].items():
+    weights = np.zeros((len(body), len(order)))
+    for bone, of_bone in json.loads((rigs / "default_weights.mhw").read_text())["weights"].items():
         for vertex, weight in of_bone:
             weights[vertex, order.index(bone)] += weight
-    used, faces = np.unique(skin, return_inverse=True)
-    most = np.argsort(-weights[used], 1, kind="stable")[:, :4]
-    weights = np.take_along_axis(weights[used], most, 1)
-    weights /= weights.sum(1, keepdims=True)
+    most = np.argsort(-weights, 1, kind="stable")[:, :4]
+    weights = np.take_along_axis(weights, most, 1)
+    # Vertices that are not of the skin may have none.
+    weights /= np.maximum(weights.sum(1, keepdims=True), 1e-9)
     properties = {f"j{k}": most[:, k].astype(np.int32) for k in range(4)}
     properties.update({f"w{k}": weights[:, k].astype(np.float32) for k in range(4)})
-    cells = [("triangle", faces.reshape(-1, 3).astype(np.int32))]
-    points = (DECIMETRES * body[used]).astype(np.float32)
-    meshio.write(folder / "body.ply", meshio.Mesh(points, cells, point_data=properties))
+    write(folder / "body.ply", body, skin, properties)
 
 
 def main():
     argv, extra = arguments()
-    p = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    p.add_argument("--makehuman", type=pathlib.Path, required=True)
-    p.add_argument("--assets", type=pathlib.Path, required=True)
-    p.add_argument("--ifg", default="target/release/ifg")
-    p.add_argument("--count", type=int, default=36)
-    p.add_argument("--seed", type=int, default=3)
-    p.add_argument("--only", nargs="*")
+    p = options(__doc__, 3, "out/poses")
     p.add_argument("--poses", nargs="*")
-    p.add_argument("--out", type=pathlib.Path, default=pathlib.Path("out/poses"))
     a = p.parse_args(argv)
     poses = sorted((a.assets / "base/poses").glob("*.bvh"))
     if a.poses:
         poses = [a.assets / f"base/poses/{pose}.bvh" for pose in a.poses]
     states = collections.Counter()
-    for identifier, name, order in drawn(a.seed, a.count):
-        if a.only and identifier not in a.only:
-            continue
+    for identifier, name, order in chosen(a):
         folder = a.out / name
         if not (folder / "skeleton.json").exists():
             make(a, folder, name)
@@ -104,7 +87,7 @@ def main():
             state = "not clean" if run.returncode else "clean everywhere" if own == 0 else "clean between layers"
             states[state] += 1
             print(f"{identifier} {name} {pose.stem}: {state}, pairs {frame['pairs_before']} -> {frame['pairs']}, own {frame['own_pairs']} + "
-                  f"{frame['body_own_pairs']}, let go {frame.get('let_go', 0)}, garments {1e3 * frame['moved']['mean']:.2f} / "
+                  f"{frame['body_own_pairs']}, let go {frame['let_go']}, garments {1e3 * frame['moved']['mean']:.2f} / "
                   f"{1e3 * frame['moved']['max']:.1f} mm, body {1e3 * frame['body']['moved']['max']:.1f} mm, {seconds:.1f} s", flush=True)
     print(dict(states))
 

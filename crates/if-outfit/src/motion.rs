@@ -16,8 +16,8 @@
 //! [`Crossings`] says what passes through what between two states: small steps make that rare, and
 //! nothing else forbids it.
 //!
-//! No accepted state has an intersecting pair that the rest state does not have, so a walk can end
-//! at any step. Targets come from the caller: this module sees no skeleton.
+//! No accepted state has an intersecting pair that the rest state does not have, but for those of a body
+//! that was [let go](Walker::set_letting_go), so a walk can end at any step. Targets come from the caller: this module sees no skeleton.
 
 mod approach;
 mod attempt;

@@ -198,15 +198,14 @@ fn matches(bvh: &Bvh, skeleton: &Skeleton) -> Result<Matches, BvhError> {
 /// The head: the joint of that name, or the last one on from the chest by the chest's name, such as Rigify's
 /// `spine.006` on from `spine.003`.
 fn head(names: &[Name], parent: impl Fn(usize) -> Option<usize>, chest: usize) -> Option<usize> {
-    let name = without_number(&names[chest].plain);
-    let mut last = chest;
-    for j in chest + 1..names.len() {
-        if parent(j) == Some(last) && without_number(&names[j].plain) == name {
-            last = j;
-        }
-    }
-    let called = names.iter().position(|name| name.plain == "head");
-    called.or((last != chest).then_some(last))
+    let called = |j: usize| without_number(&names[j].plain);
+    let on_from =
+        |last: usize, j: usize| match parent(j) == Some(last) && called(j) == called(chest) {
+            true => j,
+            false => last,
+        };
+    let last = || Some((chest + 1..names.len()).fold(chest, on_from)).filter(|j| *j != chest);
+    names.iter().position(|name| name.plain == "head").or_else(last)
 }
 
 /// The joints of the spine, from above the hips to where both arms hang, or of the neck, from there to the

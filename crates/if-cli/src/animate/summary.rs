@@ -105,7 +105,7 @@ fn let_go(frames: &[FrameReport]) -> String {
         return String::new();
     };
     let left = match worst.body_own_pairs {
-        0 => "; in none it does".to_owned(),
+        0 => "; no pair is left".to_owned(),
         pairs => format!("; most in frame {}: {} pairs", worst.frame, count(pairs)),
     };
     format!(
@@ -199,6 +199,6 @@ mod tests {
         let text = let_go(&[frame(0, 0, 90), frame(1, 50, 3), frame(2, 60, 8)]);
         assert!(text.contains("2 of 3 frames") && text.contains("frame 2: 8 pairs"), "{text}");
         let text = let_go(&[frame(4, 50, 0)]);
-        assert!(text.contains("1 of 1 frames") && text.contains("in none it does"), "{text}");
+        assert!(text.contains("1 of 1 frames") && text.contains("no pair is left"), "{text}");
     }
 }

@@ -13,7 +13,8 @@ use if_core::math::{Point, Real};
 const REACH: Real = 0.03;
 
 impl Walker {
-    /// Whether later walks let the body go where it alone keeps a step from being clean. Contacts with
+    /// Whether later walks let the body go where it meets itself in a step that cannot be made clean: its
+    /// triangles within 30 mm of there have no contacts with one another from then on. Contacts with
     /// garments stay.
     pub fn set_letting_go(&mut self, is_letting_go: bool) {
         self.is_letting_go = is_letting_go;
