@@ -1,7 +1,10 @@
 //! Motions: a pose for each frame.
 
+mod bones;
 mod bvh;
+mod matching;
 mod retarget;
+mod standing;
 
 pub use bvh::BvhError;
 
@@ -25,6 +28,8 @@ pub struct Motion {
     pub poses: Vec<Pose>,
     /// Joints of the skeleton that the file does not have: they follow their parents.
     pub unmatched: Vec<String>,
+    /// The frame that stands for the rest pose of the file, where that is no upright person.
+    pub rest_frame: Option<usize>,
 }
 
 /// A motion cannot be read.
@@ -88,6 +93,11 @@ pub fn is_rate(frames_per_second: Real) -> bool {
 const MISSING: &str = "none";
 
 impl Motion {
+    /// Poses of all joints, made by a program.
+    pub fn new(frames_per_second: Real, poses: Vec<Pose>) -> Self {
+        Self { frames_per_second, poses, unmatched: Vec::new(), rest_frame: None }
+    }
+
     /// Reads a pose sequence (docs/animate.md) for a skeleton: `joints`, the names of the skeleton's
     /// joints in their order; `frames`, each with the translation `root_t` and a quaternion
     /// (w, x, y, z) for each joint in `rot`; and `fps`, 30 by default.
@@ -114,7 +124,7 @@ impl Motion {
     fn from_bvh(text: &str, skeleton: &Skeleton) -> Result<Self, MotionError> {
         let file = Bvh::read(text)?;
         let frames_per_second = 1.0 / file.frame_time;
-        let Retargeted { poses, unmatched } = retarget(file, skeleton)?;
+        let Retargeted { poses, unmatched, rest_frame } = retarget(file, skeleton)?;
         if poses.is_empty() {
             return Err(MotionError::Empty);
         }
@@ -127,7 +137,7 @@ impl Motion {
                 .map_err(|source| MotionError::Pose { frame, source })
         };
         let poses = poses.into_iter().enumerate().map(pose).collect::<Result<_, _>>()?;
-        Ok(Self { frames_per_second, poses, unmatched })
+        Ok(Self { frames_per_second, poses, unmatched, rest_frame })
     }
 
     fn from_json(text: &str, skeleton: &Skeleton) -> Result<Self, MotionError> {
@@ -156,7 +166,7 @@ impl Motion {
             Pose::from_quaternions(Vector::from(f.root_t), &f.rot).map_err(fault)
         };
         let poses = file.frames.iter().enumerate().map(pose).collect::<Result<_, _>>()?;
-        Ok(Self { frames_per_second: file.fps, poses, unmatched: Vec::new() })
+        Ok(Self::new(file.fps, poses))
     }
 
     /// Writes what [`Motion::read`] reads.
@@ -205,6 +215,7 @@ impl Motion {
             frames_per_second: self.frames_per_second / step as Real,
             poses: self.poses.iter().step_by(step).cloned().collect(),
             unmatched: self.unmatched.clone(),
+            ..*self
         }
     }
 }

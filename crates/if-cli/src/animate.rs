@@ -248,6 +248,7 @@ pub(crate) fn animated(spec: &OutfitSpec, args: &Options) -> Result<End, Report>
         "params": params,
         "weights_from_body": moved.without_weights(),
         "joints_not_in_motion": moved.unmatched(),
+        "rest_frame": moved.rest_frame(),
         "skeleton_from_skin": misplaced,
         "outputs": names,
         "report": animation.report,
@@ -264,7 +265,12 @@ pub(crate) fn animated(spec: &OutfitSpec, args: &Options) -> Result<End, Report>
     if args.json {
         print_json(&report)?;
     } else {
-        let notes = ([moved.without_weights(), moved.unmatched()], misplaced);
+        let notes = summary::Notes {
+            without_weights: moved.without_weights(),
+            unmatched: moved.unmatched(),
+            rest_frame: moved.rest_frame(),
+            misplaced,
+        };
         let head = spec.title();
         let found = (&animation.report, between.as_deref());
         print(&format!("{head}\n\n{}", summary::text(found, notes, &args.out, &names)))?;

@@ -144,11 +144,8 @@ fn write_scene(args: &DemoArgs) -> Result<PathBuf, Report> {
     }
     if args.motion {
         let skeleton = rig::skeleton();
-        let motion = Motion {
-            frames_per_second: FRAMES as f64,
-            poses: (0..FRAMES).map(|k| rig::walking_pose(k, FRAMES)).collect(),
-            unmatched: Vec::new(),
-        };
+        let poses = (0..FRAMES).map(|k| rig::walking_pose(k, FRAMES)).collect();
+        let motion = Motion::new(FRAMES as f64, poses);
         let (mut joints, mut poses) = (Vec::new(), Vec::new());
         skeleton.write(&mut joints).into_diagnostic()?;
         motion.write(&mut poses, &skeleton).into_diagnostic()?;

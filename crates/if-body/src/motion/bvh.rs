@@ -54,6 +54,10 @@ pub(super) struct Bvh {
     channels: usize,
     /// From the axes of the file to those with y up.
     upright: UnitQuaternion<Real>,
+    /// From the axes of the frames to those of the rest pose.
+    world: UnitQuaternion<Real>,
+    /// The rotation of each joint in the pose that counts as rest: none, or that of a frame.
+    rest: Vec<UnitQuaternion<Real>>,
 }
 
 /// A joint of the file.
@@ -113,17 +117,33 @@ impl Bvh {
         if frames.checked_mul(channels) != Some(values.len()) {
             return Err(BvhError::Values { values: values.len(), frames, channels });
         }
-        Ok(Self { joints, frame_time, values, channels, upright: UnitQuaternion::identity() })
+        let (upright, world) = (UnitQuaternion::identity(), UnitQuaternion::identity());
+        let rest = vec![UnitQuaternion::identity(); joints.len()];
+        Ok(Self { joints, frame_time, values, channels, upright, world, rest })
     }
 
-    /// Takes the z axis of the file as up: its y axis points backwards then.
-    pub(super) fn stand_along_z(&mut self) {
-        self.upright = UnitQuaternion::from_axis_angle(&Vector::x_axis(), -FRAC_PI_2);
+    /// Takes an axis of the file as up: y as it is; or z, then its y axis points backwards.
+    pub(super) fn stand_along(&mut self, axis: usize) {
+        self.upright = match axis {
+            2 => UnitQuaternion::from_axis_angle(&Vector::x_axis(), -FRAC_PI_2),
+            _ => UnitQuaternion::identity(),
+        };
+        self.rest.fill(UnitQuaternion::identity());
+    }
+
+    /// Takes the pose of a frame as the rest pose.
+    pub(super) fn rest_as_in(&mut self, frame: usize) {
+        self.rest = self.turns(self.rows().nth(frame).expect("there is such a frame"));
+    }
+
+    /// Turns what the frames show, and not the rest pose.
+    pub(super) fn turn_frames(&mut self, by: UnitQuaternion<Real>) {
+        self.world = by;
     }
 
     /// From a joint to the end of its bone in the rest pose, where it has no children.
     pub(super) fn end(&self, joint: usize) -> Option<Vector> {
-        self.joints[joint].end.map(|end| self.upright * end)
+        self.joints[joint].end.map(|end| self.rest[joint] * (self.upright * end))
     }
 
     /// A joint and all above it, the root first.
@@ -134,30 +154,47 @@ impl Bvh {
         path
     }
 
-    /// The position of the joint `at` in each frame, and the rotations of all joints in the world.
+    /// The channels of each frame. A file without channels has no values, and no frames.
+    fn rows(&self) -> std::slice::Chunks<'_, Real> {
+        self.values.chunks(self.channels.max(1))
+    }
+
+    /// The number of frames.
+    pub(super) fn len(&self) -> usize {
+        self.rows().len()
+    }
+
+    /// The rotations of all joints in the world, in the frame with these channels.
+    fn turns(&self, row: &[Real]) -> Vec<UnitQuaternion<Real>> {
+        let mut turns: Vec<UnitQuaternion<Real>> = Vec::with_capacity(self.joints.len());
+        for joint in &self.joints {
+            let mut turn = UnitQuaternion::identity();
+            for (channel, value) in joint.channels.iter().zip(&row[joint.first..]) {
+                if let Channel::Rotation(axis) = channel {
+                    let about = self.upright * Vector3::ith_axis(*axis);
+                    turn *= UnitQuaternion::from_axis_angle(&about, value.to_radians());
+                }
+            }
+            turns.push(joint.parent.map_or(self.world, |p| turns[p]) * turn);
+        }
+        turns
+    }
+
+    /// The position of the joint `at` in each frame, and the rotations of all joints in the world, from the
+    /// rest pose.
     pub(super) fn frames(
         &self,
         at: usize,
     ) -> impl Iterator<Item = (Vector, Vec<UnitQuaternion<Real>>)> {
         let path = self.path(at);
-        // A file without channels has no values, and no frames.
-        self.values.chunks(self.channels.max(1)).map(move |row| {
-            let mut turns: Vec<UnitQuaternion<Real>> = Vec::with_capacity(self.joints.len());
-            for joint in &self.joints {
-                let mut turn = UnitQuaternion::identity();
-                for (channel, value) in joint.channels.iter().zip(&row[joint.first..]) {
-                    if let Channel::Rotation(axis) = channel {
-                        let about = self.upright * Vector3::ith_axis(*axis);
-                        turn *= UnitQuaternion::from_axis_angle(&about, value.to_radians());
-                    }
-                }
-                turns.push(joint.parent.map_or(turn, |p| turns[p] * turn));
-            }
+        self.rows().map(move |row| {
+            let mut turns = self.turns(row);
             let mut position = Vector::zeros();
             for joint in path.iter().map(|j| &self.joints[*j]) {
                 let from_parent = self.upright * joint.translation(row);
-                position += joint.parent.map_or(from_parent, |p| turns[p] * from_parent);
+                position += joint.parent.map_or(self.world, |p| turns[p]) * from_parent;
             }
+            turns.iter_mut().zip(&self.rest).for_each(|(turn, rest)| *turn *= rest.inverse());
             (position, turns)
         })
     }
@@ -166,9 +203,8 @@ impl Bvh {
     pub(super) fn rest(&self) -> Vec<Vector> {
         let mut rest: Vec<Vector> = Vec::with_capacity(self.joints.len());
         for joint in &self.joints {
-            rest.push(
-                joint.parent.map_or(Vector::zeros(), |p| rest[p] + self.upright * joint.offset),
-            );
+            let from = |p: usize| rest[p] + self.rest[p] * (self.upright * joint.offset);
+            rest.push(joint.parent.map_or(Vector::zeros(), from));
         }
         rest
     }

@@ -1,3 +1,5 @@
+mod standing;
+
 use super::*;
 use crate::skeleton::Joint;
 use if_core::math::Point;
@@ -373,7 +375,7 @@ fn a_prefix_that_most_names_have_is_no_part_of_them() {
         assert!((arm.angle() - 1.0).abs() < 1e-6, "{prefix}: {}", arm.angle());
     }
     let names = vec!["L_arm", "L_leg", "R_arm", "R_leg", "spine_01", "spine_02"];
-    assert_eq!(super::retarget::without_prefix(names.clone()), names, "sides are no prefix");
+    assert_eq!(super::matching::without_prefix(names.clone()), names, "sides are no prefix");
 }
 
 #[test]

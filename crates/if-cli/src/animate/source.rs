@@ -132,12 +132,22 @@ impl Moved {
         }
     }
 
+    /// The motion of a skeleton.
+    fn motion(&self) -> Option<&Motion> {
+        match self {
+            Self::Poses(_, motion) => Some(motion),
+            Self::Bodies(_) => None,
+        }
+    }
+
     /// Joints that the motion lacks.
     pub(super) fn unmatched(&self) -> &[String] {
-        match self {
-            Self::Poses(_, motion) => &motion.unmatched,
-            Self::Bodies(_) => &[],
-        }
+        self.motion().map_or(&[], |motion| &motion.unmatched)
+    }
+
+    /// The frame that stands for the rest pose of the motion.
+    pub(super) fn rest_frame(&self) -> Option<usize> {
+        self.motion()?.rest_frame
     }
 }
 

@@ -25,10 +25,22 @@ pub(super) const HEADER: [&str; 12] = [
     "seconds",
 ];
 
+/// What was noticed of the files.
+pub(super) struct Notes<'a> {
+    /// Garments whose weights were taken from the body.
+    pub(super) without_weights: &'a [String],
+    /// Joints that the motion lacks.
+    pub(super) unmatched: &'a [String],
+    /// The frame that stands for the rest pose of the motion.
+    pub(super) rest_frame: Option<usize>,
+    /// How far the skeleton lies from the body, if it may be another one's, in metres.
+    pub(super) misplaced: Option<f64>,
+}
+
 /// What is printed.
 pub(super) fn text(
     (report, between): (&AnimationReport, Option<&[IntervalReport]>),
-    ([without_weights, unmatched], misplaced): ([&[String]; 2], Option<f64>),
+    notes: Notes<'_>,
     out: &Path,
     names: &[String],
 ) -> String {
@@ -43,9 +55,12 @@ pub(super) fn text(
         [] => String::new(),
         names => format!("{what}: {}\n", names.join(", ")),
     };
-    let from_body = line("Weights taken from the body", without_weights);
-    let still = line("Joints that the motion lacks, which follow their parents", unmatched);
-    let misplaced = misplaced.map_or(String::new(), |distance| {
+    let from_body = line("Weights taken from the body", notes.without_weights);
+    let still = line("Joints that the motion lacks, which follow their parents", notes.unmatched);
+    let rest = notes.rest_frame.map_or(String::new(), |frame| {
+        format!("The rest pose of the motion is no upright person; frame {frame} stands for it.\n")
+    });
+    let misplaced = notes.misplaced.map_or(String::new(), |distance| {
         format!(
             "Is this the skeleton of this body? Its joints are {:.0} mm from the skin that they bend (median).\n",
             1e3 * distance
@@ -58,7 +73,7 @@ pub(super) fn text(
     let between = between.map_or(String::new(), between_text);
     let (pinches, let_go) = (pinches(frames), let_go(frames));
     format!(
-        "{rows}\n\n{pinches}{let_go}{between}{from_body}{still}{misplaced}{} frames: {} clean, {} clean everywhere; body at most {:.1} mm, {:.0} mm from its overlaps, jitter p99 {:.2} mm, \
+        "{rows}\n\n{pinches}{let_go}{between}{from_body}{still}{rest}{misplaced}{} frames: {} clean, {} clean everywhere; body at most {:.1} mm, {:.0} mm from its overlaps, jitter p99 {:.2} mm, \
          at most {:.1} mm, shake p99 {:.2} mm; {:.2} s a frame, {:.1} s in all{kept}\nWrote {}: {}\n",
         count(frames.len()),
         count(report.clean),
