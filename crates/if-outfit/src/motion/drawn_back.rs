@@ -89,13 +89,8 @@ pub(crate) fn drawn_back(outfit: &Outfit, room: Real, depth: Real) -> Option<Dra
             .map(|f| contact(f, &scene.mesh, &normals, wanted[f.vertex as usize]))
             .collect();
         multipliers.follow(&contacts);
-        let solved = solve(
-            &scene,
-            (target, &w),
-            (&contacts, params.softness),
-            &mut multipliers,
-            (params.sweeps, &mut x),
-        );
+        let solved =
+            solve(&scene, (target, &w), &contacts, &mut multipliers, (params.sweeps, &mut x));
         for (x, target) in x.iter_mut().zip(target) {
             *x = target + (*x - target).cap_magnitude(depth);
         }

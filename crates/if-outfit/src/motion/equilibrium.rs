@@ -87,11 +87,11 @@ pub(super) struct Solved {
 /// [Macklin et al. 2016]: `x = target + M⁻¹ Jᵀ λ` throughout.
 ///
 /// `w` are inverse masses; zero holds a vertex at its target. Contacts that cannot all be met push
-/// without bound; if each yields by a share `softness` of how far it pushes, they find a balance.
+/// without bound.
 pub(super) fn solve(
     scene: &Scene,
     (target, w): (&[Point], &[Real]),
-    (contacts, softness): (&[Contact], Real),
+    contacts: &[Contact],
     start: &mut Multipliers,
     (most, x): (usize, &mut Vec<Point>),
 ) -> Solved {
@@ -130,11 +130,11 @@ pub(super) fn solve(
             }
         }
         smooth(scene, (target, w), &moving, &mut start.edges, x);
-        sweep(contacts, &active, (&weights, RELAXATION, softness), &mut forces, w, x);
+        sweep(contacts, &active, (&weights, RELAXATION), &mut forces, w, x);
         solved.sweeps += 1;
     }
     for _ in 0..LAST {
-        sweep(contacts, &active, (&weights, 1.0, softness), &mut forces, w, x);
+        sweep(contacts, &active, (&weights, 1.0), &mut forces, w, x);
     }
     evaluate(contacts, x, &mut values);
     solved.violation = violation((contacts, &values), &weights).0;
@@ -211,7 +211,7 @@ fn select_edges(
 fn sweep(
     contacts: &[Contact],
     active: &[u32],
-    (weights, relaxation, softness): (&[Real], Real, Real),
+    (weights, relaxation): (&[Real], Real),
     forces: &mut [Real],
     w: &[Real],
     x: &mut [Point],
@@ -222,9 +222,7 @@ fn sweep(
         if weight <= 0.0 || (short <= 0.0 && forces[k] == 0.0) {
             continue;
         }
-        let yields = softness * weight;
-        let left = short - yields * forces[k];
-        let to = (forces[k] + relaxation * left / (weight + yields)).max(0.0);
+        let to = (forces[k] + relaxation * short / weight).max(0.0);
         push(x, w, contact, to - forces[k]);
         forces[k] = to;
     }
@@ -251,36 +249,5 @@ fn smooth(
         x[i] += step * w[i];
         x[j] -= step * w[j];
         multipliers[k] += step;
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::super::tests::arm;
-    use super::super::{WalkParams, Walker};
-    use super::*;
-
-    #[test]
-    fn soft_contacts_that_cannot_all_be_met_find_a_balance() {
-        let walker = Walker::new(&arm(), WalkParams::default()).unwrap();
-        let (scene, target) = (&walker.scene, walker.rest());
-        // Each of two vertices is to be above the other.
-        let above = |[a, b]: [u32; 2]| Contact {
-            vertices: [a, b, a, b],
-            coefficients: [1.0, -1.0, 0.0, 0.0],
-            normal: Vector::y(),
-            gap: 1e-3 + (target[a as usize] - target[b as usize]).y.abs(),
-        };
-        let contacts = [above([0, 1]), above([1, 0])];
-        let force = |softness, sweeps| {
-            let (mut found, mut x) = (Multipliers::default(), Vec::new());
-            let at = (target, &scene.inverse_mass[..]);
-            let solved = solve(scene, at, (&contacts, softness), &mut found, (sweeps, &mut x));
-            assert!(solved.violation > 5e-4);
-            found.contacts.values().copied().fold(0.0, Real::max)
-        };
-        assert!(force(0.0, 400) > 1.5 * force(0.0, 200));
-        assert!(force(0.1, 400) < 1.01 * force(0.1, 200));
-        assert!(force(0.1, 400) < 0.5 * force(0.0, 400));
     }
 }

@@ -23,9 +23,6 @@ pub struct WalkParams {
     pub body_reach: Real,
     /// Length over which displacements of garments fade, in metres.
     pub garment_length: Real,
-    /// Share by which each contact yields of how far it pushes. With 0 contacts that cannot all be met push
-    /// without bound; with 0.01 they find a balance, and gaps that are missed take half as much time again.
-    pub softness: Real,
     /// Maximum sweeps of one solve.
     pub sweeps: usize,
     /// Maximum solves of one step, each with what still intersected held apart, before the step is
@@ -45,7 +42,6 @@ impl Default for WalkParams {
             body_length: 0.025,
             body_reach: 0.05,
             garment_length: 0.02,
-            softness: 0.0,
             sweeps: 60,
             solves: 5,
             halvings: 5,
@@ -75,8 +71,6 @@ impl WalkParams {
         let is_reach = self.body_reach >= 0.0 && self.body_reach <= 10.0;
         check("body_reach", self.body_reach, is_reach, "from 0 to 10 m")?;
         check("garment_length", self.garment_length, is_length(self.garment_length), length)?;
-        let is_share = (0.0..1.0).contains(&self.softness);
-        check("softness", self.softness, is_share, "from 0, below 1")?;
         let count = |name, n: usize, most: usize, range| {
             check(name, n as Real, (1..=most).contains(&n), range)
         };

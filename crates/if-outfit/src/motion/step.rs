@@ -17,6 +17,9 @@ const KEPT: u32 = 12;
 /// push without bound. More solves would push further, and triangles that reach through the whole scene take
 /// minutes to compare.
 const DIVERGED: Real = 0.5;
+/// Violation of a contact, in metres, that says the same: in random poses 2 of 77 solves with more were followed
+/// by a clean one with as much of the body held.
+const UNMET: Real = 0.05;
 
 impl Walker {
     /// Goes towards `target`: contacts along directions of the last clean state, a solve, exact
@@ -136,13 +139,13 @@ impl Walker {
         multipliers: &mut Multipliers,
     ) -> Solution {
         let Self { scene, params, storage, .. } = self;
-        let (mut x, all) = (Vec::new(), (contacts, params.softness));
+        let mut x = Vec::new();
         let solved =
-            solve(scene, (target, inverse_mass), all, multipliers, (params.sweeps, &mut x));
+            solve(scene, (target, inverse_mass), contacts, multipliers, (params.sweeps, &mut x));
         scene.copy_doubled(&mut x);
         // What is not a number is not near, either.
         let is_near = |(x, target): (&Point, &Point)| (x - target).norm() <= DIVERGED;
-        let has_diverged = !x.iter().zip(target).all(is_near);
+        let has_diverged = solved.violation > UNMET || !x.iter().zip(target).all(is_near);
         if x.iter().flat_map(|p| p.iter()).any(|x| !x.is_finite()) {
             x.copy_from_slice(target);
         }
@@ -157,6 +160,6 @@ struct Solution {
     mesh: TriMesh,
     tree: Bvh,
     solved: Solved,
-    /// Whether contacts that cannot all be met pushed a vertex too far.
+    /// Whether contacts cannot all be met, and push without bound.
     has_diverged: bool,
 }

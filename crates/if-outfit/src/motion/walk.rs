@@ -81,6 +81,27 @@ pub struct Walked {
     pub unresolved: Vec<[(usize, u32); 2]>,
 }
 
+impl Walked {
+    /// Goes on with a walk over what was left of the path.
+    pub fn go_on(&mut self, on: Self) {
+        let left = 1.0 - self.reached;
+        *self = Self {
+            reached: if on.reached < 1.0 { self.reached + left * on.reached } else { 1.0 },
+            steps: self.steps + on.steps,
+            halved: self.halved + on.halved,
+            solves: self.solves + on.solves,
+            sweeps: self.sweeps + on.sweeps,
+            wide: self.wide + on.wide,
+            ..on
+        };
+    }
+
+    /// Whether all that is left is of the body alone.
+    pub fn is_of_body_alone(&self) -> bool {
+        !self.unresolved.is_empty() && self.unresolved.iter().all(|[a, b]| a.0 == 0 && b.0 == 0)
+    }
+}
+
 /// An outfit that follows a motion, free of intersections at each step.
 ///
 /// Body and garments are solved in one problem, so that the body yields where it meets itself. All
@@ -169,9 +190,9 @@ impl Walker {
         Self { storage, ..self }
     }
 
-    /// Softness of the contacts of later steps ([`WalkParams::softness`]), from 0 to below 1.
-    pub fn set_softness(&mut self, softness: Real) {
-        self.params.softness = softness;
+    /// Most sweeps of a solve of later steps ([`WalkParams::sweeps`]), at least 1.
+    pub fn set_sweeps(&mut self, sweeps: usize) {
+        self.params.sweeps = sweeps;
     }
 
     /// The rest state, the body first: what targets are computed from.

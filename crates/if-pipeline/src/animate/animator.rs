@@ -89,8 +89,9 @@ const MOST_APART: Real = 0.2;
 /// Most frames of smoothing to each side. The window is held in memory.
 const MOST_SMOOTHING: usize = 30;
 
-/// Softness of contacts on a way that is not clean otherwise.
-const SOFT: Real = 0.01;
+/// Times as many sweeps of a solve where a way got stuck: in a fold with many layers between skin and skin a
+/// push takes so many to come through.
+const THOROUGH: usize = 4;
 
 /// An outfit on its way through a motion.
 #[derive(Clone, Debug)]
@@ -176,16 +177,18 @@ impl<'a> Animator<'a> {
         if !restarted && (walked.reached < 1.0 || excess > 1.0) {
             // Limbs that pass one another, or a fold that was entered on the wrong side: the way
             // from the rest pose is another one.
-            restarted = self.walk_from_rest(self.params.walk.softness, &mut walked, monitor)?;
+            restarted = self.walk_from_rest(&mut walked, monitor)?;
         }
-        if walked.reached < 1.0 {
-            // Contacts that cannot all be met, as in a lap, push without bound.
-            restarted |= self.walk_from_rest(SOFT, &mut walked, monitor)?;
+        if walked.reached < 1.0 && !walked.is_of_body_alone() {
+            self.walker.set_sweeps(THOROUGH * self.params.walk.sweeps);
+            let found = self.walk_thoroughly(&mut walked, monitor);
+            self.walker.set_sweeps(self.params.walk.sweeps);
+            restarted |= found?;
         }
         if walked.unresolved.iter().any(|[a, b]| a.0 == 0 && b.0 == 0) {
             // The body meets itself, and that may be far from any garment.
             self.walker.set_letting_go(true);
-            let found = self.walk_from_rest(self.params.walk.softness, &mut walked, monitor);
+            let found = self.walk_from_rest(&mut walked, monitor);
             self.walker.set_letting_go(false);
             restarted |= found?;
         }
@@ -211,21 +214,27 @@ impl<'a> Animator<'a> {
         Ok((positions, row))
     }
 
-    /// Walks from the rest pose, with contacts of some softness, and stays where that leads if it is better
-    /// than what was `walked`.
+    /// Goes on where a way got stuck, and if that does not help from the rest pose once more; returns whether
+    /// from there.
+    fn walk_thoroughly(
+        &mut self,
+        walked: &mut Walked,
+        monitor: &mut dyn Monitor,
+    ) -> Result<bool, AnimateError> {
+        walked.go_on(self.walk(monitor)?);
+        Ok(walked.reached < 1.0 && self.walk_from_rest(walked, monitor)?)
+    }
+
+    /// Walks from the rest pose, and stays where that leads if it is better than what was `walked`.
     fn walk_from_rest(
         &mut self,
-        softness: Real,
         walked: &mut Walked,
         monitor: &mut dyn Monitor,
     ) -> Result<bool, AnimateError> {
         let (snapshot, so_far, excess) =
             (self.walker.snapshot(), self.place.clone(), self.excess()?);
         self.restart()?;
-        self.walker.set_softness(softness);
-        let again = self.walk(monitor);
-        self.walker.set_softness(self.params.walk.softness);
-        let again = again?;
+        let again = self.walk(monitor)?;
         let is_better = (again.reached, -self.excess()?) > (walked.reached, -excess);
         if is_better {
             *walked = again;
@@ -272,7 +281,10 @@ impl<'a> Animator<'a> {
 mod tests {
     use super::super::tests::{motion, outfit};
     use super::*;
+    use if_body::mannequin::rig;
     use if_core::math::Vector;
+    use if_core::monitor::Silent;
+    use if_core::nalgebra::UnitQuaternion;
 
     #[test]
     fn what_lies_far_from_where_its_frame_has_it_is_in_excess() {
@@ -292,5 +304,23 @@ mod tests {
         for (v, by, expected) in [(0, 0.06, 2.0), (skin, 0.06, 0.6), (skin + 7, 0.3, 3.0)] {
             approx::assert_relative_eq!(excess(v, by), expected, epsilon = 1e-3);
         }
+    }
+
+    #[test]
+    fn a_way_that_is_stuck_goes_on_with_more_sweeps() {
+        let (outfit, mut motion) = (outfit(), motion(1));
+        // The thigh meets the belly, with the trousers of both between.
+        let thigh = rig::skeleton().names().position(|n| n == "left_thigh").unwrap();
+        motion.poses[0].rotations[thigh] = UnitQuaternion::from_axis_angle(&Vector::x_axis(), -1.7);
+        let mut params = AnimateParams::default();
+        (params.walk.sweeps, params.walk.halvings) = (1, 0);
+        let movement = Movement::poses(&outfit, &motion);
+        let mut animator = Animator::new(movement, params).unwrap();
+        animator.restart().unwrap();
+        let walked = animator.walk(&mut Silent).unwrap();
+        assert!(walked.reached < 1.0 && !walked.is_of_body_alone(), "{walked:?}");
+        let (positions, row) = animator.next_frame(&mut Silent).unwrap();
+        assert!(row.reached && row.let_go == 0, "{row:?}");
+        assert!(animator.walker().intersections(&positions).unwrap().is_empty());
     }
 }
