@@ -9,7 +9,8 @@
 //! ```
 
 use crate::pose::{FARTHEST, Pose, PoseError};
-use if_core::math::{Point, Real};
+use if_core::math::{Point, Real, Vector};
+use if_mesh::gltf::SkinJoint;
 use if_mesh::regular_file;
 use nalgebra::{Isometry3, Translation3};
 use serde::{Deserialize, Serialize};
@@ -19,6 +20,8 @@ use std::path::Path;
 
 /// Length below which a bone of a person has no direction, in metres.
 pub(crate) const SHORT: Real = 1e-6;
+/// Length of the bone of a joint that is alone, in metres.
+const ALONE: Real = 0.1;
 
 /// A joint and the bone that begins there.
 #[derive(Clone, Debug, PartialEq)]
@@ -145,6 +148,34 @@ impl Skeleton {
             })
         };
         Self::new(file.joints.into_iter().enumerate().map(joint).collect::<Result<_, _>>()?)
+    }
+
+    /// The skeleton of a glTF file: the joints of its skins as the scene shows them, which is the rest pose
+    /// here. Bones end in the middle of the joints below them; the last ones go on half as far again.
+    ///
+    /// # Errors
+    ///
+    /// No joints, or the first invalid one.
+    pub fn from_gltf(joints: &[SkinJoint]) -> Result<Self, SkeletonError> {
+        let mut below = vec![(0.0, Vector::zeros()); joints.len()];
+        for joint in joints {
+            if let Some(p) = joint.parent {
+                below[p].0 += 1.0;
+                below[p].1 += joint.place.coords;
+            }
+        }
+        let tail = |joint: &SkinJoint, (count, sum): (Real, Vector)| match joint.parent {
+            _ if count > 0.0 => Point::from(sum / count),
+            Some(p) => joint.place + 0.5 * (joint.place - joints[p].place),
+            None => joint.place + Vector::y() * ALONE,
+        };
+        let joint = |(joint, below): (&SkinJoint, (Real, Vector))| Joint {
+            name: joint.name.clone(),
+            parent: joint.parent,
+            head: joint.place,
+            tail: tail(joint, below),
+        };
+        Self::new(joints.iter().zip(below).map(joint).collect())
     }
 
     /// Reads the file at `path`.

@@ -89,7 +89,8 @@ impl Format {
         match extension.as_str() {
             "ply" => Some(Self::Ply),
             "obj" => Some(Self::Obj),
-            "glb" => Some(Self::Glb),
+            // Avatars in VRM are GLB files.
+            "glb" | "vrm" => Some(Self::Glb),
             "gltf" => Some(Self::Gltf),
             _ => None,
         }

@@ -4,6 +4,7 @@ use super::faults::AnimateFault;
 use crate::outfit_file::OutfitSpec;
 use clap::Args;
 use if_body::{BodySequence, Motion, Skeleton};
+use if_mesh::file::{Content, MeshFile};
 use if_outfit::files::OutfitFiles;
 use if_outfit::outfit::Outfit;
 use if_pipeline::animate::{BoundOutfit, Movement, SkinnedOutfit};
@@ -17,7 +18,7 @@ pub(crate) struct SourceArgs {
     /// the body in each.
     #[arg(long, value_name = "FILE|FOLDER")]
     pub(crate) motion: PathBuf,
-    /// The skeleton; by default `skeleton.json` beside the body.
+    /// The skeleton; by default `skeleton.json` beside the body, else the skin's in its glTF file.
     #[arg(long, value_name = "FILE")]
     pub(crate) skeleton: Option<PathBuf>,
     /// Take every N-th frame of the motion only.
@@ -69,10 +70,7 @@ impl Source {
         }
         let fault = |source| AnimateFault::Motion { path: args.motion.clone(), source };
         args.motion.metadata().map_err(|error| fault(error.into()))?;
-        let path = args.skeleton.clone();
-        let path = path.unwrap_or_else(|| spec.body.path.with_file_name("skeleton.json"));
-        let skeleton = Skeleton::read_path(&path)
-            .map_err(|source| AnimateFault::Skeleton { path: path.clone(), source })?;
+        let skeleton = args.skeleton(spec, files)?;
         let motion = Motion::read_path(&args.motion, &skeleton).map_err(fault)?;
         if args.fps.is_some() {
             return Err(AnimateFault::NoUse { what: "a motion of poses", option: "--fps" });
@@ -152,6 +150,23 @@ impl Moved {
 }
 
 impl SourceArgs {
+    /// The skeleton that is given, or that of the body.
+    fn skeleton(&self, spec: &OutfitSpec, files: &OutfitFiles) -> Result<Skeleton, AnimateFault> {
+        let beside = || spec.body.path.with_file_name("skeleton.json");
+        let path = self.skeleton.clone().unwrap_or_else(beside);
+        let joints = match files.files().next().map(MeshFile::content) {
+            Some(Content::Gltf(body)) if self.skeleton.is_none() && !path.exists() => body.joints(),
+            _ => &[],
+        };
+        match joints {
+            [] => Skeleton::read_path(&path)
+                .map_err(|source| AnimateFault::Skeleton { path: path.clone(), source }),
+            joints => Skeleton::from_gltf(joints)
+                .and_then(|skeleton| skeleton.scaled(spec.scale))
+                .map_err(|source| AnimateFault::Skeleton { path: spec.body.path.clone(), source }),
+        }
+    }
+
     /// The number in the motion of a frame of those that are taken.
     pub(super) fn number(&self, frame: usize) -> usize {
         let first = self.ends().ok().flatten().map_or(0, |(first, _)| first);

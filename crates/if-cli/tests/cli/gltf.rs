@@ -4,6 +4,7 @@ use crate::animate;
 use crate::folder::{Folder, belt, body};
 use crate::pinch::balls;
 use if_body::mannequin::rig;
+use if_core::math::Point;
 use if_core::mesh::TriMesh;
 use if_core::shapes::meshes::icosphere;
 use if_mesh::file::MeshFile;
@@ -93,6 +94,10 @@ fn nodes_of_one_file_are_layers_and_written_back_into_it() {
         assert_eq!(before.mesh().triangles(), after.mesh().triangles());
         assert_eq!(before.mesh().vertices() == after.mesh().vertices(), node == "Body", "{node}");
     }
+    // An avatar in VRM is such a file.
+    folder.write("look.vrm", folder.read("look.glb"));
+    folder.ifg(&format!("fix {} --out avatar", layers.replace("glb", "vrm"))).expect(0);
+    assert!(folder.read("avatar/look.vrm") == folder.read("fixed/look.glb"));
     // The same from an outfit file, with names of its own.
     folder.write(
         "look.toml",
@@ -290,29 +295,46 @@ fn write_skinned(folder: &Folder, mesh: &TriMesh, last: &str) {
     let (mut document, bin) = parts(&glb);
     let (mut bin, n) = (bin.to_vec(), mesh.vertices().len());
     let skin = rig::skin_weights(mesh.vertices());
-    let mut add = |code: u32, bytes: Vec<u8>| {
+    let mut add = |code: u32, (count, kind): (usize, &str), bytes: Vec<u8>| {
         let view = json!({"buffer": 0, "byteOffset": bin.len(), "byteLength": bytes.len()});
         bin.extend(bytes);
         let views = document["bufferViews"].as_array_mut().unwrap();
         views.push(view);
-        let about = json!({"bufferView": views.len() - 1, "componentType": code, "count": n, "type": "VEC4"});
+        let about = json!({"bufferView": views.len() - 1, "componentType": code, "count": count, "type": kind});
         let accessors = document["accessors"].as_array_mut().unwrap();
         accessors.push(about);
         accessors.len() - 1
     };
     let joints = skin.joints().as_flattened().iter().flat_map(|j| j.to_le_bytes()).collect();
     let weights = skin.weights().as_flattened().iter().flat_map(|w| w.to_le_bytes()).collect();
-    let (joints, weights) = (add(5123, joints), add(5126, weights));
-    let mut names: Vec<String> = rig::skeleton().names().map(str::to_owned).collect();
-    *names.last_mut().unwrap() = last.into();
+    let (joints, weights) = (add(5123, (n, "VEC4"), joints), add(5126, (n, "VEC4"), weights));
+    // The mesh is in centimetres; the joints make metres of it.
+    let (skeleton, scale) = (rig::skeleton(), 0.01);
+    let bind = skeleton.joints().iter().flat_map(|joint| {
+        let [x, y, z] = (-joint.head.coords).into();
+        [scale, 0.0, 0.0, 0.0, 0.0, scale, 0.0, 0.0, 0.0, 0.0, scale, 0.0, x, y, z, 1.0]
+    });
+    let bind = bind.flat_map(|x| (x as f32).to_le_bytes()).collect();
+    let bind = add(5126, (skeleton.len(), "MAT4"), bind);
     let nodes = document["nodes"].as_array_mut().unwrap();
     nodes[0] = json!({"name": "doll", "mesh": 0, "skin": 0});
-    // The mesh is in centimetres; the joints make metres of it.
-    let scale = json!([0.01, 0.01, 0.01]);
-    nodes.extend(names.iter().map(|name| json!({"name": name, "scale": scale})));
-    let all: Vec<usize> = (1..=names.len()).collect();
-    document["skins"] = json!([{"joints": all}]);
-    document["scenes"][0]["nodes"] = json!((0..=names.len()).collect::<Vec<_>>());
+    let joints_of = |is: &dyn Fn(usize) -> bool| -> Vec<usize> {
+        (0..skeleton.len()).filter(|j| is(*j)).map(|j| 1 + j).collect()
+    };
+    for (j, joint) in skeleton.joints().iter().enumerate() {
+        let name = if j + 1 == skeleton.len() { last } else { &joint.name };
+        let above = joint.parent.map_or(Point::origin(), |p| skeleton.joints()[p].head);
+        let translation: [f64; 3] = (joint.head - above).into();
+        let mut node = json!({"name": name, "translation": translation});
+        let children = joints_of(&|c| skeleton.joints()[c].parent == Some(j));
+        if !children.is_empty() {
+            node["children"] = json!(children);
+        }
+        nodes.push(node);
+    }
+    document["skins"] = json!([{"joints": joints_of(&|_| true), "inverseBindMatrices": bind}]);
+    let roots = joints_of(&|j| skeleton.joints()[j].parent.is_none());
+    document["scenes"][0]["nodes"] = json!([&[0], &roots[..]].concat());
     let attributes = &mut document["meshes"][0]["primitives"][0]["attributes"];
     (attributes["JOINTS_0"], attributes["WEIGHTS_0"]) = (json!(joints), json!(weights));
     document["buffers"] = json!([{"byteLength": bin.len(), "uri": "skinned.bin"}]);
@@ -350,6 +372,20 @@ fn the_skin_of_a_body_moves_it() {
         let apart = |j: u16| (of(&found, v, j) - of(&given, v, j)).abs();
         assert!((0..rig::skeleton().len() as u16).all(|j| apart(j) < 1e-5), "vertex {v}");
     }
+    // Without another skeleton it has that of its skin.
+    std::fs::rename(folder.path("doll/skeleton.json"), folder.path("kept.json")).unwrap();
+    folder.ifg(&command.replace("moved", "own")).expect(0);
+    let vertices = |path: String| {
+        if_mesh::ply::read_path(&folder.path(&path)).unwrap().mesh.vertices().to_vec()
+    };
+    let [given, own] =
+        ["moved", "own"].map(|out| vertices(format!("{out}/meshes/000001/trousers.ply")));
+    let apart = given.iter().zip(&own).map(|(a, b)| (a - b).norm()).fold(0.0, f64::max);
+    assert!(given != vertices("doll/trousers.ply".into()) && apart < 1e-4, "{apart} m");
+    let unskinned = command.replace("skinned.gltf", "body_clean.ply").replace("moved", "none");
+    let run = folder.ifg(&unskinned).expect(2);
+    assert!(run.stderr.contains("skeleton.json` cannot be used"), "{}", run.stderr);
+    std::fs::rename(folder.path("kept.json"), folder.path("doll/skeleton.json")).unwrap();
     write_skinned(&folder, &mesh, "tail");
     let run = folder.ifg(&command.replace("moved", "other")).expect(2);
     let flat = run.stderr.split_whitespace().collect::<Vec<_>>().join(" ");

@@ -3,6 +3,7 @@
 use super::accessor::Elements;
 use super::error::WriteError;
 use super::placing::Placing;
+use super::scene::SkinJoint;
 use super::skin::Skinned;
 use super::source::Source;
 use if_core::math::{Point, Real};
@@ -21,6 +22,7 @@ pub struct GltfMesh {
     /// Two nodes that show the same vertices.
     pub(super) shared: Option<[usize; 2]>,
     pub(super) images: Vec<Result<PathBuf, String>>,
+    pub(super) joints: Vec<SkinJoint>,
 }
 
 /// Vertices that share their accessors.
@@ -120,6 +122,11 @@ impl GltfMesh {
             of_vertex.extend((0..part.positions.count).map(of));
         }
         Some(Influences { joints, of_vertex })
+    }
+
+    /// The joints of all skins of the file.
+    pub fn joints(&self) -> &[SkinJoint] {
+        &self.joints
     }
 
     /// The texture coordinates (`TEXCOORD_0`) of each vertex; `None` if there are vertices without.

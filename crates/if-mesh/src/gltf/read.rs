@@ -112,8 +112,8 @@ pub(super) fn read_with(
     let Reader { data, parts, .. } = reader;
     let mesh = TriMesh::new(vertices, triangles)?;
     let (source, node) = (data.source, node.map(str::to_owned));
-    let images = images(&document);
-    Ok(GltfMesh { source, node, mesh, parts, collapsed, shared, images })
+    let (images, joints) = (images(&document), placed.joints(&document));
+    Ok(GltfMesh { source, node, mesh, parts, collapsed, shared, images, joints })
 }
 
 /// The images that are not in the file.

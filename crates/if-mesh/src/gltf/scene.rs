@@ -3,8 +3,19 @@
 use super::document::{Document, Node, entry};
 use super::error::ReadError;
 use super::placing::Affine;
-use if_core::math::Vector;
+use if_core::math::{Point, Vector};
 use nalgebra::{Matrix3, Quaternion, UnitQuaternion};
+
+/// A joint of a skin, where the scene shows it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SkinJoint {
+    /// The name of its node; empty if that has none.
+    pub name: String,
+    /// The nearest joint above it; parents come before their children.
+    pub parent: Option<usize>,
+    /// In the units of the scene (metres by the specification).
+    pub place: Point,
+}
 
 /// The nodes of a document, in space.
 pub(super) struct Placed {
@@ -12,6 +23,9 @@ pub(super) struct Placed {
     pub(super) world: Vec<Affine>,
     /// The nodes of the default scene, parents first.
     pub(super) shown: Vec<usize>,
+    parent: Vec<Option<usize>>,
+    /// All nodes, parents first.
+    all: Vec<usize>,
 }
 
 impl Placed {
@@ -41,13 +55,31 @@ impl Placed {
         }
         let shown = match document.scene.or((!document.scenes.is_empty()).then_some(0)) {
             Some(scene) => below(document, &entry(&document.scenes, "scene", scene)?.nodes)?,
-            None => all,
+            None => all.clone(),
         };
-        Ok(Self { world, shown })
+        Ok(Self { world, shown, parent, all })
     }
-}
 
-impl Placed {
+    /// The joints of all skins.
+    pub(super) fn joints(&self, document: &Document) -> Vec<SkinJoint> {
+        let mut is_joint = vec![false; document.nodes.len()];
+        let of_skins = document.skins.iter().flat_map(|skin| &skin.joints);
+        of_skins.for_each(|&node| is_joint.get_mut(node).into_iter().for_each(|is| *is = true));
+        let mut place = vec![None; document.nodes.len()];
+        let mut joints = Vec::new();
+        for &node in &self.all {
+            // Nodes that are no joint stand for the joint above them.
+            let parent = self.parent[node].and_then(|p| place[p]);
+            place[node] = parent;
+            if is_joint[node] {
+                place[node] = Some(joints.len());
+                let name = document.nodes[node].name.clone().unwrap_or_default();
+                joints.push(SkinJoint { name, parent, place: self.world[node].shift.into() });
+            }
+        }
+        joints
+    }
+
     /// The nodes of the layer `name`, parents first: the node of this name if it has a mesh, else
     /// all nodes below it.
     pub(super) fn layer(&self, document: &Document, name: &str) -> Result<Vec<usize>, ReadError> {

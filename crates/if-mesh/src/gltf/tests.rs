@@ -238,6 +238,34 @@ fn joints_and_morph_targets_place_vertices_and_are_undone() {
 }
 
 #[test]
+fn joints_of_skins_lie_where_the_scene_shows_them() {
+    let mut builder = Builder::new();
+    builder.square(0.0, json!({}));
+    assert_eq!(builder.read().unwrap().joints(), []);
+    // An armature in centimetres that stands along z, a joint in it, a node between, and a joint there.
+    let turn = [-0.5f64.sqrt(), 0.0, 0.0, 0.5f64.sqrt()];
+    let mut below = |node: Value| builder.push("nodes", node);
+    let hand = below(json!({"name": "hand", "translation": [50, 0, 0]}));
+    let between = below(json!({"children": [hand], "scale": [0.5, 1, 1]}));
+    let arm = below(json!({"name": "arm", "translation": [0, 0, 100], "children": [between]}));
+    builder.node(json!({"children": [arm], "scale": [0.01, 0.01, 0.01], "rotation": turn}));
+    let skins = json!([{"joints": [hand]}, {"joints": [hand, arm]}, {"joints": [99]}]);
+    builder.document["skins"] = skins;
+    let joint = |name: &str, parent, place: [f64; 3]| SkinJoint {
+        name: name.into(),
+        parent,
+        place: place.into(),
+    };
+    let expected = [joint("arm", None, [0.0, 1.0, 0.0]), joint("hand", Some(0), [0.25, 1.0, 0.0])];
+    let found = builder.read().unwrap();
+    assert_eq!(found.joints().len(), 2);
+    for (found, expected) in found.joints().iter().zip(&expected) {
+        assert_eq!((&found.name, found.parent), (&expected.name, expected.parent));
+        assert!((found.place - expected.place).norm() < 1e-12, "{found:?}");
+    }
+}
+
+#[test]
 fn strips_fans_and_lists_without_indices_are_triangles() {
     for (mode, expected) in
         [(4, vec![[0, 1, 2]]), (5, vec![[0, 1, 2], [1, 3, 2]]), (6, vec![[1, 2, 0], [2, 3, 0]])]
