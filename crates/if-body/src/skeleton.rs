@@ -20,8 +20,6 @@ use std::path::Path;
 
 /// Length below which a bone of a person has no direction, in metres.
 pub(crate) const SHORT: Real = 1e-6;
-/// Length of the bone of a joint that is alone, in metres.
-const ALONE: Real = 0.1;
 
 /// A joint and the bone that begins there.
 #[derive(Clone, Debug, PartialEq)]
@@ -151,7 +149,7 @@ impl Skeleton {
     }
 
     /// The skeleton of a glTF file: the joints of its skins as the scene shows them, which is the rest pose
-    /// here. Bones end in the middle of the joints below them; the last ones go on half as far again.
+    /// here. Bones end in the middle of the joints below them; the last joints have none.
     ///
     /// # Errors
     ///
@@ -164,16 +162,11 @@ impl Skeleton {
                 below[p].1 += joint.place.coords;
             }
         }
-        let tail = |joint: &SkinJoint, (count, sum): (Real, Vector)| match joint.parent {
-            _ if count > 0.0 => Point::from(sum / count),
-            Some(p) => joint.place + 0.5 * (joint.place - joints[p].place),
-            None => joint.place + Vector::y() * ALONE,
-        };
-        let joint = |(joint, below): (&SkinJoint, (Real, Vector))| Joint {
+        let joint = |(joint, (count, sum)): (&SkinJoint, (Real, Vector))| Joint {
             name: joint.name.clone(),
             parent: joint.parent,
             head: joint.place,
-            tail: tail(joint, below),
+            tail: if count > 0.0 { Point::from(sum / count) } else { joint.place },
         };
         Self::new(joints.iter().zip(below).map(joint).collect())
     }
@@ -295,12 +288,34 @@ pub(crate) fn opened(path: &Path) -> io::Result<impl io::BufRead> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use if_core::math::Vector;
     use nalgebra::UnitQuaternion;
     use std::f64::consts::FRAC_PI_2;
 
     fn joint(name: &str, parent: Option<usize>, head: [Real; 3]) -> Joint {
         Joint { name: name.into(), parent, head: head.into(), tail: head.into() }
+    }
+
+    #[test]
+    fn bones_of_a_gltf_file_end_amid_the_joints_below() {
+        let joint = |name: &str, parent, place: [Real; 3]| SkinJoint {
+            name: name.into(),
+            parent,
+            place: place.into(),
+        };
+        let mut joints = vec![
+            joint("hips", None, [0.0, 1.0, 0.0]),
+            joint("l", Some(0), [0.1, 0.9, 0.0]),
+            joint("r", Some(0), [-0.1, 0.9, 0.0]),
+        ];
+        let found = Skeleton::from_gltf(&joints).unwrap();
+        let ends: Vec<[Point; 2]> = found.joints().iter().map(|j| [j.head, j.tail]).collect();
+        let [hips, l, r] = [0, 1, 2].map(|k| joints[k].place);
+        assert_eq!(ends, [[hips, Point::new(0.0, 0.9, 0.0)], [l, l], [r, r]]);
+        assert_eq!(found.joints()[2].parent, Some(0));
+        joints[2].name = "l".into();
+        let fault = Skeleton::from_gltf(&joints).unwrap_err();
+        assert!(matches!(fault, SkeletonError::SameName { first: 1, second: 2, .. }), "{fault}");
+        assert!(matches!(Skeleton::from_gltf(&[]), Err(SkeletonError::Empty)));
     }
 
     fn arm() -> Skeleton {

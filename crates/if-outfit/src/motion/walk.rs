@@ -190,9 +190,10 @@ impl Walker {
         Self { storage, ..self }
     }
 
-    /// Most sweeps of a solve of later steps ([`WalkParams::sweeps`]), at least 1.
-    pub fn set_sweeps(&mut self, sweeps: usize) {
-        self.params.sweeps = sweeps;
+    /// Most sweeps of a solve and solves of a step ([`WalkParams::sweeps`], [`WalkParams::solves`]) of later
+    /// walks, each at least 1.
+    pub fn set_limits(&mut self, sweeps: usize, solves: usize) {
+        (self.params.sweeps, self.params.solves) = (sweeps, solves);
     }
 
     /// The rest state, the body first: what targets are computed from.

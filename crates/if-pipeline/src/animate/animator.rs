@@ -89,9 +89,9 @@ const MOST_APART: Real = 0.2;
 /// Most frames of smoothing to each side. The window is held in memory.
 const MOST_SMOOTHING: usize = 30;
 
-/// Times as many sweeps of a solve where a way got stuck: in a fold with many layers between skin and skin a
-/// push takes so many to come through.
-const THOROUGH: usize = 4;
+/// Times as many sweeps of a solve, and solves of a step, where a way got stuck: in a fold with many layers
+/// between skin and skin a push takes so many to come through.
+const THOROUGH: [usize; 2] = [4, 2];
 
 /// An outfit on its way through a motion.
 #[derive(Clone, Debug)]
@@ -180,9 +180,10 @@ impl<'a> Animator<'a> {
             restarted = self.walk_from_rest(&mut walked, monitor)?;
         }
         if walked.reached < 1.0 && !walked.is_of_body_alone() {
-            self.walker.set_sweeps(THOROUGH * self.params.walk.sweeps);
+            let WalkParams { sweeps, solves, .. } = self.params.walk;
+            self.walker.set_limits(THOROUGH[0] * sweeps, THOROUGH[1] * solves);
             let found = self.walk_thoroughly(&mut walked, monitor);
-            self.walker.set_sweeps(self.params.walk.sweeps);
+            self.walker.set_limits(sweeps, solves);
             restarted |= found?;
         }
         if walked.unresolved.iter().any(|[a, b]| a.0 == 0 && b.0 == 0) {
@@ -307,7 +308,7 @@ mod tests {
     }
 
     #[test]
-    fn a_way_that_is_stuck_goes_on_with_more_sweeps() {
+    fn a_way_that_is_stuck_goes_on_with_more_sweeps_and_solves() {
         let (outfit, mut motion) = (outfit(), motion(1));
         // The thigh meets the belly, with the trousers of both between.
         let thigh = rig::skeleton().names().position(|n| n == "left_thigh").unwrap();
