@@ -28,10 +28,10 @@ pub enum BvhError {
     /// Two joints have the same name.
     #[error("two joints are called `{name}`; each needs its own name")]
     SameName { name: String },
-    /// The rest pose is no upright person.
+    /// The person is upright neither in the rest pose nor in a frame.
     #[error(
         "the person in the rest pose is {height:.1} high, {width:.1} wide and {depth:.1} deep, in the units \
-         of the file; y or z must be up: export the motion so"
+         of the file, and in no frame stands as the skeleton does; y or z must be up: export the motion so"
     )]
     NotUpright { height: Real, width: Real, depth: Real },
     /// Fewer than half of the skeleton's joints are in the file.

@@ -51,29 +51,14 @@ pub(super) fn text(
     for row in frames.iter().enumerate().filter(shown) {
         rows.add_row(cells(row).map(Cell::new));
     }
-    let line = |what, names: &[String]| match names {
-        [] => String::new(),
-        names => format!("{what}: {}\n", names.join(", ")),
-    };
-    let from_body = line("Weights taken from the body", notes.without_weights);
-    let still = line("Joints that the motion lacks, which follow their parents", notes.unmatched);
-    let rest = notes.rest_frame.map_or(String::new(), |frame| {
-        format!("The rest pose of the motion is no upright person; frame {frame} stands for it.\n")
-    });
-    let misplaced = notes.misplaced.map_or(String::new(), |distance| {
-        format!(
-            "Is this the skeleton of this body? Its joints are {:.0} mm from the skin that they bend (median).\n",
-            1e3 * distance
-        )
-    });
     let kept = match report.kept {
         0 => String::new(),
         n => format!(", {n} frames kept from an earlier run"),
     };
     let between = between.map_or(String::new(), between_text);
-    let (pinches, let_go) = (pinches(frames), let_go(frames));
+    let (pinches, let_go, noticed) = (pinches(frames), let_go(frames), noticed(&notes));
     format!(
-        "{rows}\n\n{pinches}{let_go}{between}{from_body}{still}{rest}{misplaced}{} frames: {} clean, {} clean everywhere; body at most {:.1} mm, {:.0} mm from its overlaps, jitter p99 {:.2} mm, \
+        "{rows}\n\n{pinches}{let_go}{between}{noticed}{} frames: {} clean, {} clean everywhere; body at most {:.1} mm, {:.0} mm from its overlaps, jitter p99 {:.2} mm, \
          at most {:.1} mm, shake p99 {:.2} mm; {:.2} s a frame, {:.1} s in all{kept}\nWrote {}: {}\n",
         count(frames.len()),
         count(report.clean),
@@ -152,6 +137,26 @@ pub(super) fn between_line(between: &[IntervalReport]) -> String {
     )
 }
 
+/// A line for each of what was noticed.
+fn noticed(notes: &Notes<'_>) -> String {
+    let line = |what, names: &[String]| match names {
+        [] => String::new(),
+        names => format!("{what}: {}\n", names.join(", ")),
+    };
+    let from_body = line("Weights taken from the body", notes.without_weights);
+    let still = line("Joints that the motion lacks, which follow their parents", notes.unmatched);
+    let rest = notes.rest_frame.map_or(String::new(), |frame| {
+        format!("The rest pose of the motion is no upright person; frame {frame} stands for it.\n")
+    });
+    let misplaced = notes.misplaced.map_or(String::new(), |distance| {
+        format!(
+            "Is this the skeleton of this body? Its joints are {:.0} mm from the skin that they bend (median).\n",
+            1e3 * distance
+        )
+    });
+    format!("{from_body}{still}{rest}{misplaced}")
+}
+
 fn between_text(between: &[IntervalReport]) -> String {
     let mut rows = new_table(&BETWEEN, 0, table::coloured());
     for row in crossed(between).take(SHOWN) {
@@ -202,6 +207,23 @@ pub(super) fn cells((k, row): (usize, &FrameReport)) -> [String; 12] {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn what_was_noticed_of_the_files_has_a_line_each() {
+        let names = ["thumb".to_owned()];
+        let notes = |rest_frame, misplaced| Notes {
+            without_weights: &[],
+            unmatched: &names,
+            rest_frame,
+            misplaced,
+        };
+        let text = noticed(&notes(Some(12), Some(0.25)));
+        let lines: Vec<&str> = text.lines().collect();
+        assert!(lines[0].ends_with("follow their parents: thumb"), "{text}");
+        assert!(lines[1].ends_with("no upright person; frame 12 stands for it."), "{text}");
+        assert!(lines[2].contains("250 mm from the skin") && lines.len() == 3, "{text}");
+        assert_eq!(noticed(&notes(None, None)).lines().count(), 1);
+    }
 
     #[test]
     fn frames_in_which_the_body_is_let_go_are_counted_and_the_worst_is_named() {
