@@ -17,8 +17,8 @@ const KEPT: u32 = 12;
 /// push without bound. More solves would push further, and triangles that reach through the whole scene take
 /// minutes to compare.
 const DIVERGED: Real = 0.5;
-/// Violation of a contact, in metres, that says the same: in random poses 2 of 77 solves with more were followed
-/// by a clean one with as much of the body held.
+/// Violation of a contact, in metres, that says the same: hardly a solve that leaves more is followed by a
+/// clean one with as much of the body held.
 const UNMET: Real = 0.05;
 
 impl Walker {

@@ -205,6 +205,9 @@ fn the_body_is_displaced_by_no_more_than_it_may_be() {
     assert!(bounded.frames.iter().any(|f| f.pinch.is_some()));
     let kept = run(AnimateParams { pinch: Pinch::Keep, ..AnimateParams::default() });
     assert!(kept.body_max < 1e-6 && kept.clean == 1, "{kept:?}");
+    let mut idle = AnimateParams::default();
+    idle.walk.sweeps = 0;
+    assert!(idle.validate().is_err());
     let none = AnimateParams { body_depth: 0.0, ..AnimateParams::default() };
     assert!(none.validate().is_err());
 }
