@@ -21,7 +21,7 @@ mod upright;
 pub use align::{AlignError, AlignParams, BodyMap, BodyShape};
 pub use motion::{BvhError, Motion, MotionError, is_rate};
 pub use pose::{Pose, PoseError};
-pub use sequence::{BodySequence, SequenceError};
+pub use sequence::{BodySequence, FrameSource, SequenceError};
 pub use skeleton::{Joint, Skeleton, SkeletonError};
 pub use skin_weights::{SkinError, SkinWeights};
 pub use surface::BodySurface;

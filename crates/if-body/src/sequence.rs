@@ -1,26 +1,52 @@
-//! Folders of posed bodies: meshes of one connectivity, a file for each frame.
+//! Bodies that are given in every frame: meshes of one connectivity in a folder, or positions.
 
 use crate::motion::is_rate;
 use crate::pose::FARTHEST;
 use if_core::math::{Point, Real};
 use if_core::mesh::TriMesh;
 use if_mesh::file::{MeshFile, ReadError};
+use std::fmt;
 use std::io;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
-/// The frames of a body, one file each.
+/// The frames of a body: files of one mesh each, or positions.
 ///
 /// Files are read when they are needed: memory does not grow with frames.
 #[derive(Clone, Debug)]
 pub struct BodySequence {
-    files: Vec<PathBuf>,
+    frames: Vec<Frame>,
     vertices: usize,
     /// Frames per second.
     pub frames_per_second: Real,
 }
 
-/// A folder of posed bodies cannot be used.
+#[derive(Clone, Debug)]
+enum Frame {
+    File(PathBuf),
+    Positions(Arc<[Point]>),
+}
+
+/// What a frame was read from.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum FrameSource {
+    /// A mesh.
+    File(PathBuf),
+    /// Positions: the number of the frame.
+    Positions(usize),
+}
+
+impl fmt::Display for FrameSource {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::File(path) => path.display().fmt(f),
+            Self::Positions(frame) => write!(f, "frame {frame}"),
+        }
+    }
+}
+
+/// Posed bodies cannot be used.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 #[allow(missing_docs)] // the messages say what the fields are
@@ -28,6 +54,9 @@ pub enum SequenceError {
     /// The folder cannot be read.
     #[error("{}: {source}", path.display())]
     Io { path: PathBuf, source: io::Error },
+    /// No positions are given.
+    #[error("there are no frames; give the positions of the body in one at least")]
+    NoFrames,
     /// There is no mesh.
     #[error("{}: the folder has no .ply, .obj or .glb file; give one mesh for each frame", path.display())]
     Empty { path: PathBuf },
@@ -48,10 +77,9 @@ pub enum SequenceError {
     Mesh(#[from] ReadError),
     /// A mesh has another number of vertices or triangles than the body.
     #[error(
-        "{}: {got} {what}, and the body at rest has {expected}; all frames must have its connectivity",
-        path.display()
+        "{frame}: {got} {what}, and the body at rest has {expected}; all frames must have its connectivity"
     )]
-    Count { path: PathBuf, what: &'static str, got: usize, expected: usize },
+    Count { frame: FrameSource, what: &'static str, got: usize, expected: usize },
     /// A triangle has other corners than that of the body.
     #[error(
         "{}: triangle {triangle} has the corners {got:?}, and that of the body at rest {expected:?}; all frames must have its connectivity, in its order",
@@ -59,14 +87,15 @@ pub enum SequenceError {
     )]
     Triangle { path: PathBuf, triangle: usize, got: [u32; 3], expected: [u32; 3] },
     /// A vertex lies beyond what frames can store.
-    #[error("{}: vertex {vertex} is at {at:?}, farther than {FARTHEST:e} m; export the frame again", path.display())]
-    Far { path: PathBuf, vertex: usize, at: Point },
+    #[error(
+        "{frame}: vertex {vertex} is at {at:?}; coordinates must be numbers of at most {FARTHEST:e} m; export the frame again"
+    )]
+    Far { frame: FrameSource, vertex: usize, at: Point },
     /// The body of a frame has another size than at rest.
     #[error(
-        "{}: the body is {found:.3} m from corner to corner of its box, and {expected:.3} m at rest; export frames and body in metres",
-        path.display()
+        "{frame}: the body is {found:.3} m from corner to corner of its box, and {expected:.3} m at rest; export frames and body in metres"
     )]
-    Size { path: PathBuf, found: Real, expected: Real },
+    Size { frame: FrameSource, found: Real, expected: Real },
     /// The frames per second are none.
     #[error("{0} frames per second; give a number from 0.001 to 100,000")]
     Rate(Real),
@@ -107,28 +136,54 @@ impl BodySequence {
             return Err(SequenceError::Empty { path: folder.into() });
         }
         check_order(folder, &files)?;
-        let sequence = Self { files, vertices: rest.vertices().len(), frames_per_second };
-        for (frame, path) in sequence.files.iter().enumerate() {
-            let file = sequence.mesh(frame)?;
+        for path in &files {
+            let file = MeshFile::read(path)?;
+            let frame = || FrameSource::File(path.clone());
+            check_positions(frame, file.mesh().vertices(), rest.vertices().len())?;
             check_triangles(path, &file, rest)?;
-            check_size(path, file.mesh(), rest)?;
+            check_size(frame, file.mesh(), rest)?;
         }
-        Ok(sequence)
+        let frames = files.into_iter().map(Frame::File).collect();
+        Ok(Self { frames, vertices: rest.vertices().len(), frames_per_second })
+    }
+
+    /// The body in frames whose positions are given, in metres, in the order of the vertices of `rest`.
+    ///
+    /// # Errors
+    ///
+    /// [`SequenceError`], with the number of the frame.
+    pub fn from_positions(
+        frames: impl IntoIterator<Item = Vec<Point>>,
+        rest: &TriMesh,
+        frames_per_second: Real,
+    ) -> Result<Self, SequenceError> {
+        if !is_rate(frames_per_second) {
+            return Err(SequenceError::Rate(frames_per_second));
+        }
+        let vertices = rest.vertices().len();
+        let mut checked = Vec::new();
+        for (number, positions) in frames.into_iter().enumerate() {
+            let frame = || FrameSource::Positions(number);
+            check_positions(frame, &positions, vertices)?;
+            if let Ok(mesh) = rest.with_vertices(positions.clone()) {
+                check_size(frame, &mesh, rest)?;
+            }
+            checked.push(Frame::Positions(positions.into()));
+        }
+        if checked.is_empty() {
+            return Err(SequenceError::NoFrames);
+        }
+        Ok(Self { frames: checked, vertices, frames_per_second })
     }
 
     /// Number of frames; at least one.
     pub fn len(&self) -> usize {
-        self.files.len()
+        self.frames.len()
     }
 
     /// Always `false`.
     pub fn is_empty(&self) -> bool {
         false
-    }
-
-    /// The files of all frames.
-    pub fn files(&self) -> &[PathBuf] {
-        &self.files
     }
 
     /// The positions of the body in a frame.
@@ -137,22 +192,13 @@ impl BodySequence {
     ///
     /// A file that was changed since the folder was opened.
     pub fn positions(&self, frame: usize) -> Result<Vec<Point>, SequenceError> {
-        Ok(self.mesh(frame)?.mesh().vertices().to_vec())
-    }
-
-    fn mesh(&self, frame: usize) -> Result<MeshFile, SequenceError> {
-        let path = &self.files[frame];
-        let file = MeshFile::read(path)?;
-        let vertices = file.mesh().vertices();
-        let (got, expected) = (vertices.len(), self.vertices);
-        if got != expected {
-            let (path, what) = (path.clone(), "vertices");
-            return Err(SequenceError::Count { path, what, got, expected });
-        }
-        match vertices.iter().position(|p| p.iter().any(|x| x.abs() > FARTHEST)) {
-            None => Ok(file),
-            Some(vertex) => {
-                Err(SequenceError::Far { path: path.clone(), vertex, at: vertices[vertex] })
+        match &self.frames[frame] {
+            Frame::Positions(positions) => Ok(positions.to_vec()),
+            Frame::File(path) => {
+                let file = MeshFile::read(path)?;
+                let positions = file.mesh().vertices();
+                check_positions(|| FrameSource::File(path.clone()), positions, self.vertices)?;
+                Ok(positions.to_vec())
             }
         }
     }
@@ -164,7 +210,7 @@ impl BodySequence {
     /// If there are no such frames.
     pub fn part(&self, frames: Range<usize>) -> Self {
         assert!(!frames.is_empty(), "a sequence has frames");
-        Self { files: self.files[frames].to_vec(), ..self.clone() }
+        Self { frames: self.frames[frames].to_vec(), ..*self }
     }
 
     /// Every `step`-th frame, the first one included.
@@ -173,9 +219,8 @@ impl BodySequence {
     ///
     /// If `step` is 0.
     pub fn every(&self, step: usize) -> Self {
-        let files = self.files.iter().step_by(step).cloned().collect();
-        let frames_per_second = self.frames_per_second / step as Real;
-        Self { files, frames_per_second, ..self.clone() }
+        let frames = self.frames.iter().step_by(step).cloned().collect();
+        Self { frames, frames_per_second: self.frames_per_second / step as Real, ..*self }
     }
 }
 
@@ -215,20 +260,41 @@ fn parts(name: &str) -> (String, Vec<(usize, &str)>) {
     (text, numbers.collect())
 }
 
-fn check_size(path: &Path, mesh: &TriMesh, rest: &TriMesh) -> Result<(), SequenceError> {
+fn check_positions(
+    frame: impl Fn() -> FrameSource,
+    positions: &[Point],
+    expected: usize,
+) -> Result<(), SequenceError> {
+    let got = positions.len();
+    if got != expected {
+        return Err(SequenceError::Count { frame: frame(), what: "vertices", got, expected });
+    }
+    let is_near = |p: &Point| p.iter().all(|x| x.abs() <= FARTHEST);
+    match positions.iter().position(|p| !is_near(p)) {
+        None => Ok(()),
+        Some(vertex) => Err(SequenceError::Far { frame: frame(), vertex, at: positions[vertex] }),
+    }
+}
+
+fn check_size(
+    frame: impl Fn() -> FrameSource,
+    mesh: &TriMesh,
+    rest: &TriMesh,
+) -> Result<(), SequenceError> {
     let [found, expected] = [mesh, rest].map(|mesh| mesh.surface_aabb().size().norm());
     if found <= SIZES * expected && expected <= SIZES * found {
         Ok(())
     } else {
-        Err(SequenceError::Size { path: path.into(), found, expected })
+        Err(SequenceError::Size { frame: frame(), found, expected })
     }
 }
 
 fn check_triangles(path: &Path, file: &MeshFile, rest: &TriMesh) -> Result<(), SequenceError> {
     let (got, expected) = (file.mesh().triangles(), rest.triangles());
     if got.len() != expected.len() {
-        let (path, what, got, expected) = (path.into(), "triangles", got.len(), expected.len());
-        return Err(SequenceError::Count { path, what, got, expected });
+        let (frame, what) = (FrameSource::File(path.into()), "triangles");
+        let (got, expected) = (got.len(), expected.len());
+        return Err(SequenceError::Count { frame, what, got, expected });
     }
     match (0..got.len()).find(|t| got[*t] != expected[*t]) {
         None => Ok(()),
@@ -242,6 +308,7 @@ fn check_triangles(path: &Path, file: &MeshFile, rest: &TriMesh) -> Result<(), S
 #[cfg(test)]
 mod tests {
     use super::*;
+    use if_core::math::Vector;
     use if_core::shapes::meshes::icosphere;
     use if_mesh::ply::{PlyMesh, WriteParams, write_path};
 
@@ -314,5 +381,32 @@ mod tests {
             let error = BodySequence::open(folder.path(), &rest, rate);
             assert!(matches!(error, Err(SequenceError::Rate(_))));
         }
+    }
+    #[test]
+    fn positions_are_frames_and_bad_ones_are_named() {
+        let rest = icosphere(1.0, 1);
+        let moved = |by: Real| -> Vec<Point> {
+            rest.vertices().iter().map(|p| p + Vector::new(0.0, by, 0.0)).collect()
+        };
+        let sequence = |frames: Vec<Vec<Point>>| BodySequence::from_positions(frames, &rest, 30.0);
+        let found = sequence(vec![moved(0.0), moved(0.5), moved(1.0)]).unwrap();
+        assert_eq!((found.len(), found.positions(1).unwrap()), (3, moved(0.5)));
+        let part = found.part(1..3).every(2);
+        assert_eq!((part.len(), part.positions(0).unwrap()), (1, moved(0.5)));
+        assert!(matches!(sequence(vec![]), Err(SequenceError::NoFrames)));
+        let message =
+            |second: Vec<Point>| sequence(vec![moved(0.0), second]).unwrap_err().to_string();
+        let short = message(moved(0.0)[1..].to_vec());
+        assert!(short.starts_with("frame 1: 41 vertices, and the body at rest has 42"), "{short}");
+        for bad in [Real::NAN, 1e20] {
+            let mut positions = moved(0.0);
+            positions[7].y = bad;
+            let far = message(positions);
+            assert!(far.starts_with("frame 1: vertex 7 is at"), "{far}");
+        }
+        let large = message(moved(0.0).iter().map(|p| p * 1e3).collect());
+        assert!(large.contains("export frames and body in metres"), "{large}");
+        let rate = BodySequence::from_positions(vec![moved(0.0)], &rest, 0.0);
+        assert!(matches!(rate, Err(SequenceError::Rate(_))));
     }
 }

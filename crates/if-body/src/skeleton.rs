@@ -10,6 +10,7 @@
 
 use crate::pose::{FARTHEST, Pose, PoseError};
 use if_core::math::{Point, Real, Vector};
+use if_mesh::file::{Content, MeshFile, ReadError, is_gltf};
 use if_mesh::gltf::SkinJoint;
 use if_mesh::regular_file;
 use nalgebra::{Isometry3, Translation3};
@@ -51,6 +52,9 @@ pub enum SkeletonError {
     /// The file is not as docs/reference/capture.md specifies.
     #[error("the skeleton is not as docs/reference/capture.md specifies: {0}")]
     Json(#[from] serde_json::Error),
+    /// The glTF file cannot be read.
+    #[error(transparent)]
+    Gltf(#[from] ReadError),
     /// There are no joints.
     #[error("the skeleton has no joints")]
     Empty,
@@ -171,13 +175,19 @@ impl Skeleton {
         Self::new(joints.iter().zip(below).map(joint).collect())
     }
 
-    /// Reads the file at `path`.
+    /// Reads the file at `path`: `skeleton.json`, or a glTF file with a skin, by its extension.
     ///
     /// # Errors
     ///
-    /// As [`Skeleton::read`].
+    /// As [`Skeleton::read`] and [`Skeleton::from_gltf`], and a glTF file that cannot be read.
     pub fn read_path(path: &Path) -> Result<Self, SkeletonError> {
-        Self::read(opened(path)?)
+        if !is_gltf(path) {
+            return Self::read(opened(path)?);
+        }
+        match MeshFile::read(path)?.content() {
+            Content::Gltf(file) => Self::from_gltf(file.joints()),
+            _ => Err(SkeletonError::Empty),
+        }
     }
 
     /// Writes what [`Skeleton::read`] reads.

@@ -2,6 +2,7 @@
 
 use crate::skeleton::Skeleton;
 use if_core::parameter::ParameterError;
+use if_mesh::file::{Content, MeshFile};
 use if_mesh::gltf::Influences;
 use if_mesh::ply::{Column, PlyMesh, Property};
 use if_sparse::CholeskyError;
@@ -174,6 +175,26 @@ impl SkinWeights {
             }
         }
         Self::new(joints, weights, names.len())
+    }
+
+    /// The weights of a mesh file: vertex properties j0 to j3 and w0 to w3 of PLY files, and skins of glTF
+    /// files whose joints have the names of the skeleton's. `None` if it has none.
+    ///
+    /// # Errors
+    ///
+    /// As [`SkinWeights::from_ply`] and [`SkinWeights::from_gltf`].
+    pub fn from_file(file: &MeshFile, skeleton: &Skeleton) -> Result<Option<Self>, SkinError> {
+        let found = match file.content() {
+            Content::Ply(ply) => ["j0", "w0"]
+                .iter()
+                .any(|name| ply.vertex_property(name).is_some())
+                .then(|| Self::from_ply(ply, skeleton.len())),
+            Content::Gltf(gltf) => {
+                gltf.influences().map(|influences| Self::from_gltf(&influences, skeleton.names()))
+            }
+            _ => None,
+        };
+        found.transpose()
     }
 
     /// The same weights for another skeleton, by the names of joints; `None` if it lacks one that moves

@@ -49,7 +49,7 @@ pub enum Content {
     Gltf(GltfMesh),
 }
 
-/// A path as `FILE.glb#NODE` or `FILE.gltf#NODE` in its parts. Any other path, and that of a file
+/// A path as `FILE.glb#NODE` in its parts (also of `.gltf` and `.vrm`). Any other path, and that of a file
 /// which exists, is the file's alone.
 ///
 /// # Examples
@@ -61,7 +61,7 @@ pub enum Content {
 /// assert_eq!(file_and_node("coat.ply".as_ref()).1, None);
 /// ```
 pub fn file_and_node(path: &Path) -> (PathBuf, Option<String>) {
-    const ENDS: [&str; 2] = [".glb#", ".gltf#"];
+    const ENDS: [&str; 3] = [".glb#", ".gltf#", ".vrm#"];
     let whole = || (path.to_path_buf(), None);
     let Some(text) = path.to_str() else { return whole() };
     let lower = text.to_ascii_lowercase();
@@ -95,6 +95,19 @@ impl Format {
             _ => None,
         }
     }
+}
+
+/// Whether a file is read as glTF, by its extension.
+///
+/// # Examples
+///
+/// ```
+/// use if_mesh::file::is_gltf;
+/// assert!(is_gltf("anna.GLB".as_ref()) && is_gltf("anna.vrm".as_ref()));
+/// assert!(!is_gltf("skeleton.json".as_ref()));
+/// ```
+pub fn is_gltf(path: &Path) -> bool {
+    matches!(Format::of(path), Some(Format::Glb | Format::Gltf))
 }
 
 /// Errors of [`MeshFile::read`].

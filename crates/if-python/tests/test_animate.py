@@ -1,11 +1,14 @@
 """Outfits that follow motions."""
 
+import base64
 import json
 import re
 
 import ifgarments
+import meshio
 import numpy as np
 import pytest
+import trimesh
 
 SKELETON = {
     "joints": [
@@ -37,10 +40,57 @@ def outfit(body, belt, shirt):
     return body, resolved.layers, {"body": (joints, np.stack([1 - top, top, 0 * y, 0 * y], axis=1))}
 
 
+def moved(outfit, skeleton=SKELETON, motion=MOTION, **arguments):
+    body, layers, weights = outfit
+    return ifgarments.animate(
+        body, layers, motion, skeleton=skeleton, weights=weights, **arguments
+    )
+
+
+def skinned(path, body, joints, weights):
+    """Writes the body as glTF, with a skin on the joints of SKELETON."""
+    positions, faces = body[0].astype("<f4"), body[1].astype("<u4")
+    bind = np.tile(np.eye(4, dtype="<f4"), (2, 1, 1))
+    bind[0, 3, 1] = 0.3  # of columns: the root stands at y = -0.3
+    parts = [
+        (positions, "VEC3", 5126, len(positions)),
+        (joints.astype("<u2"), "VEC4", 5123, len(positions)),
+        (weights.astype("<f4"), "VEC4", 5126, len(positions)),
+        (faces, "SCALAR", 5125, faces.size),
+        (bind, "MAT4", 5126, 2),
+    ]
+    buffer, views, accessors = b"", [], []
+    for k, (array, kind, component, count) in enumerate(parts):
+        views.append({"buffer": 0, "byteOffset": len(buffer), "byteLength": array.nbytes})
+        accessors.append(
+            {"bufferView": k, "componentType": component, "count": count, "type": kind}
+        )
+        buffer += array.tobytes()
+    accessors[0] |= {"min": positions.min(0).tolist(), "max": positions.max(0).tolist()}
+    attributes = {"POSITION": 0, "JOINTS_0": 1, "WEIGHTS_0": 2}
+    uri = "data:application/octet-stream;base64," + base64.b64encode(buffer).decode()
+    document = {
+        "asset": {"version": "2.0"},
+        "scene": 0,
+        "scenes": [{"nodes": [0, 1]}],
+        "nodes": [
+            {"name": "body", "mesh": 0, "skin": 0},
+            {"name": "root", "translation": [0, -0.3, 0], "children": [2]},
+            {"name": "top", "translation": [0, 0.3, 0]},
+        ],
+        "meshes": [{"primitives": [{"attributes": attributes, "indices": 3}]}],
+        "skins": [{"joints": [1, 2], "inverseBindMatrices": 4}],
+        "buffers": [{"byteLength": len(buffer), "uri": uri}],
+        "bufferViews": views,
+        "accessors": accessors,
+    }
+    path.write_text(json.dumps(document))
+
+
 def test_every_frame_is_clean_and_follows_the_motion(outfit, tmp_path):
     body, layers, weights = outfit
     seen = []
-    done = ifgarments.animate(*outfit, SKELETON, MOTION, progress=seen.append)
+    done = moved(outfit, progress=seen.append)
     assert done.is_clean and done.weights_from_body == ["belt", "shirt"]
     assert done.joints_not_in_motion == [] and done.skeleton_from_skin is None
     assert list(done.layers) == ["belt", "shirt"]
@@ -57,12 +107,64 @@ def test_every_frame_is_clean_and_follows_the_motion(outfit, tmp_path):
         (tmp_path / f"{name}.json").write_text(json.dumps(value))
     files = (tmp_path / "skeleton.json", tmp_path / "motion.json")
     for kept in (0, 3):
-        again = ifgarments.animate(*outfit, *files, frames=tmp_path / "frames", threads=1)
+        again = moved(outfit, *files, frames=tmp_path / "frames", threads=1)
         assert np.array_equal(again.layers["shirt"], done.layers["shirt"])
         assert again.report["kept"] == kept
     frames = [{key: np.array(value) for key, value in frame.items()} for frame in MOTION["frames"]]
     motion = {**MOTION, "fps": np.int64(25), "frames": frames}
-    assert np.array_equal(ifgarments.animate(*outfit, SKELETON, motion).body, done.body)
+    assert np.array_equal(moved(outfit, motion=motion).body, done.body)
+
+
+def test_a_gltf_file_gives_skeleton_and_weights(outfit, tmp_path):
+    body, layers, weights = outfit
+    path = tmp_path / "person.gltf"
+    skinned(path, body, *weights["body"])
+    found = moved((body, layers, {"body": path}), skeleton=path)
+    expected = moved(outfit)
+    assert found.is_clean and found.weights_from_body == ["belt", "shirt"]
+    assert np.abs(found.body - expected.body).max() < 1e-6
+    assert np.abs(found.body - found.body[0]).max() > 0.02
+    bare = tmp_path / "bare.glb"
+    trimesh.Trimesh(*body, process=False).export(bare)
+    with pytest.raises(ifgarments.AnimateError, match=r"weights\['body'\]: there are no skinning"):
+        moved((body, layers, {"body": bare}))
+    with pytest.raises(ifgarments.AnimateError, match="skeleton: the skeleton has no joints"):
+        moved(outfit, skeleton=bare)
+    with pytest.raises(FileNotFoundError):
+        moved(outfit, skeleton=tmp_path / "missing.glb")
+
+
+def test_garments_follow_a_body_that_is_given_in_each_frame(outfit, tmp_path):
+    body, layers, _ = outfit
+    posed = moved(outfit).body
+    done = ifgarments.animate(body, layers, posed, fps=25)
+    assert done.is_clean and done.weights_from_body == [] and done.rest_frame is None
+    assert np.abs(done.body - posed).max() < 5e-4  # It may yield.
+    for k in range(3):
+        frame = {name: (at[k], layers[name][1]) for name, at in done.layers.items()}
+        assert ifgarments.verify((done.body[k], body[1]), frame).is_clean
+    lifted = done.layers["belt"][2] - done.layers["belt"][0]
+    assert lifted[:, 1].mean() > 0.01
+    # A folder of meshes is the same.
+    for k, positions in enumerate(posed):
+        meshio.write(tmp_path / f"{k}.ply", meshio.Mesh(positions, [("triangle", body[1])]))
+    again = ifgarments.animate(body, layers, tmp_path, fps=25)
+    assert np.array_equal(again.layers["shirt"], done.layers["shirt"])
+    cases = [
+        (ValueError, "it must be (frames, n, 3)", posed[0], {}),
+        (TypeError, "must be numbers", posed.astype(bool), {}),
+        (ValueError, "skeleton is of no use", posed, {"skeleton": SKELETON}),
+        (ifgarments.AnimateError, "motion: there are no frames", posed[:0], {}),
+        (ifgarments.AnimateError, "motion: frame 0: ", posed[:, 1:], {}),
+        (ifgarments.AnimateError, "motion: frame 1: vertex 7", posed, {}),
+        (ifgarments.AnimateError, "frames per second", posed[:1], {"fps": 0}),
+        (ValueError, "fps is of no use", MOTION, {"fps": 25}),
+        (ifgarments.AnimateError, "skeleton: a motion of poses", MOTION, {}),
+    ]
+    posed[1, 7, 0] = np.nan
+    for kind, message, motion, arguments in cases:
+        with pytest.raises(kind, match=re.escape(message)):
+            ifgarments.animate(body, layers, motion, **arguments)
 
 
 def test_what_does_not_fit_is_named(outfit, belt):
@@ -74,7 +176,7 @@ def test_what_does_not_fit_is_named(outfit, belt):
         (ValueError, r"it must be \(\d+, 4\)", (body, layers, short)),
         (ValueError, "not from 0", (body, layers, {"body": (joints - 1, values)})),
         (TypeError, "no pair", (body, layers, {"body": joints})),
-        (TypeError, "weights is None", (body, layers, None)),
+        (TypeError, "weights is 3", (body, layers, 3)),
         (
             ifgarments.AnimateError,
             r"^weights\['body'\]:",
@@ -87,20 +189,19 @@ def test_what_does_not_fit_is_named(outfit, belt):
     ]
     for kind, message, arguments in cases:
         with pytest.raises(kind, match=message):
-            ifgarments.animate(*arguments, SKELETON, MOTION)
+            moved(arguments)
     for change, message in (({"joints": ["a", "b"]}, "motion"), ({"frames": []}, "motion")):
         with pytest.raises(ifgarments.AnimateError, match=message):
-            ifgarments.animate(*outfit, SKELETON, {**MOTION, **change})
+            moved(outfit, motion={**MOTION, **change})
     with pytest.raises(ifgarments.AnimateError, match="skeleton"):
-        ifgarments.animate(*outfit, {"joints": []}, MOTION)
+        moved(outfit, skeleton={"joints": []})
     with pytest.raises(FileNotFoundError):
-        ifgarments.animate(*outfit, SKELETON, "missing.json")
+        moved(outfit, motion="missing.json")
 
 
 def test_parameters_are_given_by_name(outfit, tmp_path):
     def kept(**arguments):
-        done = ifgarments.animate(*outfit, SKELETON, MOTION, frames=tmp_path, **arguments)
-        return done.report["kept"]
+        return moved(outfit, frames=tmp_path, **arguments).report["kept"]
 
     # Frames are kept if they are of the same parameters.
     assert kept() == 0
@@ -127,4 +228,4 @@ def test_parameters_are_given_by_name(outfit, tmp_path):
 )
 def test_bad_parameters_are_named(outfit, arguments, words):
     with pytest.raises(ifgarments.ParameterError, match=re.escape(words)):
-        ifgarments.animate(*outfit, SKELETON, MOTION, pinch="yield", params=arguments)
+        moved(outfit, pinch="yield", params=arguments)

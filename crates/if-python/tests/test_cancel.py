@@ -133,7 +133,9 @@ def test_no_temporary_folder_is_left_when_interrupted_work_ends(
     motion = {**MOTION, "frames": MOTION["frames"] * 500}
     threading.Thread(target=interrupt, daemon=True).start()
     with pytest.raises(KeyboardInterrupt):
-        ifgarments.animate(body, [outside], {"body": (0 * weights, weights)}, SKELETON, motion)
+        ifgarments.animate(
+            body, [outside], motion, skeleton=SKELETON, weights={"body": (0 * weights, weights)}
+        )
     while working():
         time.sleep(0.01)
     assert os.listdir(tmp_path) == []

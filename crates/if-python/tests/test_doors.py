@@ -47,9 +47,9 @@ def animate(weights=None, skeleton=None, motion=None, layers=CLEAN, **options):
     return ifgarments.animate(
         body,
         layers,
-        {"body": (np.zeros((n, 4), int), whole)} if weights is None else weights,
-        {"joints": [ROOT]} if skeleton is None else skeleton,
         {"joints": ["root"], "frames": [frame]} if motion is None else motion,
+        skeleton={"joints": [ROOT]} if skeleton is None else skeleton,
+        weights={"body": (np.zeros((n, 4), int), whole)} if weights is None else weights,
         **options,
     )
 
@@ -165,7 +165,17 @@ CASES = {
         AnimateError,
         "motion",
     ),
-    "a motion that is a folder": (lambda: animate(motion="folder"), IsADirectoryError, "folder"),
+    "a motion that is a folder": (lambda: animate(motion="folder"), ValueError, "skeleton is of no"),
+    "a folder without bodies": (
+        lambda: ifgarments.animate(ball(), CLEAN, "folder"),
+        AnimateError,
+        "the folder has no .ply",
+    ),
+    "a skeleton that is a folder": (
+        lambda: animate(skeleton="folder"),
+        IsADirectoryError,
+        "folder",
+    ),
     "a skeleton that is no JSON": (lambda: animate(skeleton="file"), AnimateError, "skeleton"),
     "frames below a file": (lambda: animate(frames="file/frames"), AnimateError, "file/frames"),
     "garments that intersect the body": (

@@ -18,7 +18,8 @@ pub(crate) struct SourceArgs {
     /// the body in each.
     #[arg(long, value_name = "FILE|FOLDER")]
     pub(crate) motion: PathBuf,
-    /// The skeleton; by default `skeleton.json` beside the body, else the skin's in its glTF file.
+    /// The skeleton (.json, or a glTF file with a skin); by default `skeleton.json` beside the body, else the
+    /// skin's in its glTF file.
     #[arg(long, value_name = "FILE")]
     pub(crate) skeleton: Option<PathBuf>,
     /// Take every N-th frame of the motion only.

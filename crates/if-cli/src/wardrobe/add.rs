@@ -42,7 +42,7 @@ pub(crate) struct AddArgs {
     /// A mesh (.ply, .obj, .glb, .gltf) of the same body whose topology other bodies share.
     #[arg(long, value_name = "FILE", requires = "mesh")]
     pub(crate) template: Option<PathBuf>,
-    /// Its joints (skeleton.json).
+    /// Its joints: skeleton.json, or a glTF file with a skin.
     #[arg(long, value_name = "FILE", requires = "mesh")]
     pub(crate) skeleton: Option<PathBuf>,
     /// Factor from the units of all these files to metres, such as 0.01 for centimetres; the

@@ -372,9 +372,21 @@ fn the_skin_of_a_body_moves_it() {
         let apart = |j: u16| (of(&found, v, j) - of(&given, v, j)).abs();
         assert!((0..rig::skeleton().len() as u16).all(|j| apart(j) < 1e-5), "vertex {v}");
     }
-    // Without another skeleton it has that of its skin.
+    // The skeleton may be that of a glTF file, too.
+    let own = added.replace("skeleton.json", "skinned.gltf");
+    folder.ifg(&own.replace("add w", "add own_joints")).expect(0);
+    let joints = |root: &str| {
+        let path = folder.path(&format!("{root}/bodies/doll/skeleton.json"));
+        if_body::Skeleton::read_path(&path).unwrap()
+    };
+    assert!(joints("own_joints").names().eq(joints("w").names()));
     std::fs::rename(folder.path("doll/skeleton.json"), folder.path("kept.json")).unwrap();
+    // Without another one it is that of the body's skin.
     folder.ifg(&command.replace("moved", "own")).expect(0);
+    let given = command.replace("moved", "given") + " --skeleton doll/skinned.gltf";
+    folder.ifg(&given).expect(0);
+    let same = |out: &str| folder.read(&format!("{out}/meshes/000001/trousers.ply"));
+    assert!(same("given") == same("own"));
     let vertices = |path: String| {
         if_mesh::ply::read_path(&folder.path(&path)).unwrap().mesh.vertices().to_vec()
     };

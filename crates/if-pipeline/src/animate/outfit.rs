@@ -3,7 +3,7 @@
 use if_body::skinning::{blends, pose_points, transferred_weights};
 use if_body::{Pose, PoseError, Skeleton, SkinError, SkinWeights};
 use if_core::math::{Point, Real, Vector};
-use if_mesh::file::{Content, MeshFile};
+use if_mesh::file::MeshFile;
 use if_mesh::measure::percentile;
 use if_outfit::Outfit;
 
@@ -80,9 +80,8 @@ impl SkinnedOutfit {
         Ok(Self { outfit, skeleton, skin, without_weights })
     }
 
-    /// The same with weights from the files of the layers, the body's first: vertex properties j0 to
-    /// j3 and w0 to w3 of PLY files, and skins of glTF files whose joints have the names of the
-    /// skeleton's. OBJ files have none.
+    /// The same with weights from the files of the layers, the body's first, where they have some
+    /// ([`SkinWeights::from_file`]).
     ///
     /// # Errors
     ///
@@ -97,17 +96,8 @@ impl SkinnedOutfit {
         files: impl Iterator<Item = &'a MeshFile>,
     ) -> Result<Self, SkinFault> {
         let read = |(layer, file): (&if_outfit::Layer, &MeshFile)| {
-            let found = match file.content() {
-                Content::Ply(ply) => ["j0", "w0"]
-                    .iter()
-                    .any(|name| ply.vertex_property(name).is_some())
-                    .then(|| SkinWeights::from_ply(ply, skeleton.len())),
-                Content::Gltf(gltf) => gltf
-                    .influences()
-                    .map(|influences| SkinWeights::from_gltf(&influences, skeleton.names())),
-                _ => None,
-            };
-            found.transpose().map_err(|source| SkinFault { layer: layer.name.clone(), source })
+            SkinWeights::from_file(file, &skeleton)
+                .map_err(|source| SkinFault { layer: layer.name.clone(), source })
         };
         let skins = outfit.layers().zip(files).map(read).collect::<Result<Vec<_>, _>>()?;
         Self::new(outfit, skeleton, skins)

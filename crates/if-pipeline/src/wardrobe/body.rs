@@ -11,7 +11,7 @@ use if_core::math::{Point, Real};
 use if_core::mesh::TriMesh;
 use if_core::parameter::ParameterError;
 use if_mesh::atomic::FolderWriter;
-use if_mesh::file::{self, Content, MeshFile};
+use if_mesh::file::{self, Content, MeshFile, is_gltf};
 use if_mesh::index::Bvh;
 use if_mesh::ply::{self, CoordinateType, PlyMesh, WriteParams};
 use if_mesh::regular_file;
@@ -66,7 +66,7 @@ pub struct NewBody<'a> {
     pub mesh: &'a Path,
     /// A PLY or OBJ file of the same body in a topology that other bodies share.
     pub template: Option<&'a Path>,
-    /// Its joints.
+    /// Its joints: `skeleton.json`, or a glTF file with a skin.
     pub skeleton: Option<&'a Path>,
     /// Factor from the units of all these files to metres.
     pub scale: Real,
@@ -238,14 +238,12 @@ fn ply_bytes(
     let params = WriteParams { coordinates: CoordinateType::Double, ..WriteParams::default() };
     let written = match file.content() {
         Content::Ply(ply) => ply::write(ply, &positions, &params, &mut bytes),
-        Content::Gltf(gltf) => {
-            let of = |skeleton: &Skeleton| {
-                let influences = gltf.influences()?;
-                Some(SkinWeights::from_gltf(&influences, skeleton.names()))
-            };
-            let skin = skeleton.and_then(of).transpose();
-            let skin =
-                skin.map_err(|source| WardrobeError::BodySkin { path: path.into(), source })?;
+        Content::Gltf(_) => {
+            let skin = skeleton.map(|skeleton| SkinWeights::from_file(&file, skeleton));
+            let skin = skin
+                .transpose()
+                .map_err(|source| WardrobeError::BodySkin { path: path.into(), source })?
+                .flatten();
             let vertex_properties = skin.map(|skin| skin.to_properties()).unwrap_or_default();
             let ply = PlyMesh { vertex_properties, ..PlyMesh::new(mesh) };
             ply::write(&ply, &positions, &params, &mut bytes)
@@ -256,15 +254,19 @@ fn ply_bytes(
     Ok(bytes)
 }
 
-/// A skeleton as stored in the wardrobe: in metres.
+/// A skeleton as stored in the wardrobe: JSON, in metres.
 fn skeleton_bytes(path: &Path, scale: Real) -> Result<Vec<u8>, WardrobeError> {
-    let bytes = read_file(path)?;
-    if scale == 1.0 {
-        return Ok(bytes);
-    }
     let fault = |source| WardrobeError::Skeleton { path: path.into(), source };
-    let scaled =
-        Skeleton::read(&bytes[..]).and_then(|skeleton| skeleton.scaled(scale)).map_err(fault)?;
+    let skeleton = if is_gltf(path) {
+        Skeleton::read_path(path)
+    } else {
+        let bytes = read_file(path)?;
+        if scale == 1.0 {
+            return Ok(bytes);
+        }
+        Skeleton::read(&bytes[..])
+    };
+    let scaled = skeleton.and_then(|skeleton| skeleton.scaled(scale)).map_err(fault)?;
     let mut bytes = Vec::new();
     scaled.write(&mut bytes)?;
     Ok(bytes)

@@ -6,18 +6,29 @@ import json
 import os
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, Union
 
 import numpy as np
 from numpy.typing import NDArray
 
 from . import _ifgarments as _native
-from ._arguments import Progress, checked_threads, folder, json_text, listener, named_params
+from ._arguments import (
+    Progress,
+    checked_threads,
+    folder,
+    json_text,
+    listener,
+    named_params,
+    number,
+)
 from ._kinds import plain, read_outfit
 from ._outfits import Layers, Mesh
 
-#: Joints and weights of all vertices, four of each: shapes (n, 4).
-Weights = tuple[Any, Any]
+#: Joints and weights of all vertices, four of each: shapes (n, 4); or a mesh file that has them.
+Weights = Union[tuple[Any, Any], str, "os.PathLike[str]"]
+
+#: Extensions of files that are read as glTF.
+GLTF = (".glb", ".gltf", ".vrm")
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,6 +48,8 @@ class Animated:
     #: How far the joints lie from the skin that they bend (median, metres), if that is so far that the
     #: skeleton may be another body's.
     skeleton_from_skin: float | None = field(repr=False)
+    #: The frame that stands for the rest pose of a BVH file, if that is no upright person.
+    rest_frame: int | None = field(repr=False)
 
     @property
     def is_clean(self) -> bool:
@@ -47,10 +60,11 @@ class Animated:
 def animate(
     body: Mesh,
     layers: Layers,
-    weights: Mapping[str, Weights],
-    skeleton: str | os.PathLike[str] | Mapping[str, Any],
-    motion: str | os.PathLike[str] | Mapping[str, Any],
+    motion: str | os.PathLike[str] | Mapping[str, Any] | Any,
     *,
+    skeleton: str | os.PathLike[str] | Mapping[str, Any] | None = None,
+    weights: Mapping[str, Weights] | None = None,
+    fps: float | None = None,
     pinch: str | None = None,
     frames: str | os.PathLike[str] | None = None,
     threads: int | None = None,
@@ -62,11 +76,15 @@ def animate(
     Args:
         body: in its rest pose. Where it meets itself in a pose it yields.
         layers: garments in the same pose, inner to outer, as :func:`resolve` returns them.
-        weights: skinning weights by name, those of ``"body"`` among them; garments without follow
-            the body. A pair of arrays for each layer: indices of joints and weights, four for each
-            vertex.
-        skeleton: a file, or what such a file has (``docs/reference/capture.md``).
-        motion: a file, or what such a file has (``docs/animate.md``).
+        motion: the body in each frame, an array of shape (frames, n, 3) in metres, or a folder with its
+            meshes; garments follow the nearest skin. Or poses of a skeleton: a file (.json, .bvh), or
+            what such a file has (``docs/animate.md``).
+        skeleton: of a motion of poses: a file (.json, or a glTF file with a skin), or what such a JSON
+            file has (``docs/reference/capture.md``).
+        weights: of a motion of poses: skinning weights by name, those of ``"body"`` among them;
+            garments without follow the body. For each layer a pair of arrays, indices of joints and
+            weights, four for each vertex; or the mesh file (PLY, glTF) that has them.
+        fps: frames per second of bodies, 30 by default; poses have their own.
         pinch: what happens where the body meets itself or leaves no room for cloth: it yields by
             default (``"yield"``), or stays as skinned (``"keep"``), and what intersects it there is
             named in the report.
@@ -96,8 +114,18 @@ def animate(
         named.append(("pinch", json_text(pinch)))
     outfit = read_outfit(body, layers)
     names = [layer.name for layer in outfit]
+    moving = _motion(motion)
+    if isinstance(moving, bytes):
+        unused = [("fps", fps, "poses have their own")]
+    else:
+        of_bodies = "the motion has the body in each frame"
+        unused = [("skeleton", skeleton, of_bodies), ("weights", weights, of_bodies)]
+    for argument, value, reason in unused:
+        if value is not None:
+            raise ValueError(f"{argument} is of no use: {reason}; leave it out")
+    weights = {} if weights is None else weights
     if not isinstance(weights, Mapping):
-        raise TypeError(f"weights is {weights!r}; it must be a mapping of names to pairs")
+        raise TypeError(f"weights is {weights!r}; it must be a mapping of names to pairs or files")
     unknown = [name for name in weights if name not in names]
     if unknown:
         raise ValueError(f"weights[{unknown[0]!r}]: there is no such layer; layers are {names}")
@@ -107,11 +135,12 @@ def animate(
         else None
         for layer in outfit
     ]
-    report, without, (unmatched, misplaced), positions = _native.animate(
+    report, without, (unmatched, misplaced, rest_frame), positions = _native.animate(
         [layer.native() for layer in outfit],
+        moving,
+        None if skeleton is None else _file(skeleton, "skeleton"),
         given,
-        _json(skeleton, "skeleton"),
-        _json(motion, "motion"),
+        30.0 if fps is None else number(fps, "fps", ", frames per second"),
         None if frames is None else folder(frames, "frames"),
         named,
         checked_threads(threads),
@@ -119,11 +148,35 @@ def animate(
     )
     rows: dict[str, Any] = json.loads(report)
     moved = dict(zip(names[1:], positions[1:]))
-    return Animated(positions[0], moved, rows, without, unmatched, misplaced)
+    return Animated(positions[0], moved, rows, without, unmatched, misplaced, rest_frame)
 
 
-def _weights(given: Any, name: str, vertices: int) -> tuple[NDArray[Any], NDArray[Any]]:
+def _motion(given: Any) -> bytes | str | NDArray[np.float64]:
+    """Poses as JSON or BVH; or the folder of the body in each frame, or its positions."""
+    if isinstance(given, (str, bytes, os.PathLike)) and os.path.isdir(given):
+        return folder(given, "motion")
+    if isinstance(given, (str, bytes, os.PathLike, Mapping)):
+        found = _file(given, "motion")
+        return found if isinstance(found, bytes) else _bytes(found)
+    try:
+        positions = np.asarray(given)
+    except Exception as error:  # ragged lists; tensors of other devices
+        raise ValueError(f"motion is not an array of numbers: {error}") from error
+    if positions.ndim != 3 or positions.shape[2] != 3:
+        raise ValueError(
+            f"motion has the shape {positions.shape}; it must be (frames, n, 3), a path or a mapping"
+        )
+    if positions.dtype.kind not in "fiu":
+        raise TypeError(f"motion has elements of {positions.dtype}; they must be numbers")
+    return plain(positions, np.float64)
+
+
+def _weights(
+    given: Any, name: str, vertices: int
+) -> tuple[NDArray[Any], NDArray[Any]] | str:
     argument = f"weights[{name!r}]"
+    if isinstance(given, (str, os.PathLike)):
+        return folder(given, argument)
     if not isinstance(given, (tuple, list)) or len(given) != 2:
         raise TypeError(f"{argument} is no pair of joints and weights")
     joints, weights = np.asarray(given[0]), np.asarray(given[1])
@@ -139,11 +192,18 @@ def _weights(given: Any, name: str, vertices: int) -> tuple[NDArray[Any], NDArra
     return plain(joints, np.uint16), plain(weights, np.float32)
 
 
-def _json(given: Any, argument: str) -> bytes:
+def _file(given: Any, argument: str) -> bytes | str:
+    """JSON of a mapping, the content of a file, or the path of a glTF file."""
     if isinstance(given, Mapping):
         try:
             return json_text(given).encode()
         except (TypeError, ValueError) as error:
             raise ValueError(f"{argument}: {error}") from None
-    with open(folder(given, argument), "rb") as file:
+    path = folder(given, argument)
+    content = _bytes(path)
+    return path if path.lower().endswith(GLTF) else content
+
+
+def _bytes(path: str) -> bytes:
+    with open(path, "rb") as file:
         return file.read()

@@ -73,9 +73,10 @@ def fit(
 ) -> tuple[bytes, str]: ...
 def animate(
     layers: list[dict[str, Any]],
-    weights: list[tuple[np.ndarray[Any, Any], np.ndarray[Any, Any]] | None],
-    skeleton: bytes,
-    motion: bytes,
+    motion: bytes | str | np.ndarray[Any, np.dtype[np.float64]],
+    skeleton: bytes | str | None,
+    weights: list[tuple[np.ndarray[Any, Any], np.ndarray[Any, Any]] | str | None],
+    rate: float,
     folder: str | None,
     params: list[tuple[str, str]],
     threads: int | None,
@@ -83,7 +84,7 @@ def animate(
 ) -> tuple[
     str,
     list[str],
-    tuple[list[str], float | None],
+    tuple[list[str], float | None, int | None],
     list[np.ndarray[tuple[int, int, Literal[3]], np.dtype[np.float32]]],
 ]: ...
 def wardrobe_list(root: str) -> str: ...
