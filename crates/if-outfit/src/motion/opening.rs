@@ -40,7 +40,7 @@ impl Walker {
             let target = self.target.clone();
             let layers = share * self.params.gap;
             let opening = Opening { layers, own: own.min(layers) };
-            let attempt = self.attempt(&target, yielding.clone(), Some(opening));
+            let attempt = self.attempt(&target, Some(yielding.clone()), Some(opening));
             tracing::debug!(
                 share,
                 pairs = attempt.pairs.len(),

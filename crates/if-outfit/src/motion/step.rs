@@ -20,18 +20,25 @@ const DIVERGED: Real = 0.5;
 /// Violation of a contact, in metres, that says the same: hardly a solve that leaves more is followed by a
 /// clean one with as much of the body held.
 const UNMET: Real = 0.05;
+/// Times as many sweeps of a solve, and solves, of a walk's step that did not end clean with the body held far
+/// from its own overlaps: in a fold with many layers between skin and skin a push takes so many to come through,
+/// and a step that is halved costs more.
+const THOROUGH: [usize; 2] = [4, 2];
 
 impl Walker {
     /// Goes towards `target`: contacts along directions of the last clean state, a solve, exact
-    /// verification; then again with what intersects held apart. Vertices yield as `yielding` has it;
-    /// if that is not enough, or a solve diverges, the body near what is left as well, and then everywhere.
+    /// verification; then again with what intersects held apart. Vertices yield as `yielding` has it, by
+    /// default near the body's overlaps at the target; if that is not enough, or a solve diverges, the body
+    /// near what is left as well, and then everywhere. By default these further solves are more thorough.
     pub(super) fn attempt(
         &self,
         target: &[Point],
-        mut yielding: Yielding,
+        yielding: Option<Yielding>,
         opening: Option<Opening>,
     ) -> Attempt {
         let Self { scene, params, clean, .. } = self;
+        let effort = if yielding.is_none() { THOROUGH } else { [1, 1] };
+        let mut yielding = yielding.unwrap_or_else(|| self.yielding(target));
         let turns = turns(scene, &self.target, target);
         let mut predicted = self.predicted(target, &turns);
         for v in (0..predicted.len()).filter(|v| yielding.inverse_mass[*v] == 0.0) {
@@ -63,6 +70,7 @@ impl Walker {
         let (mut solves, mut sweeps) = (0, 0);
         let reach = params.body_reach;
         let (mut most, mut widened) = (params.solves, false);
+        let mut most_sweeps = params.sweeps;
         // What is left after the last solve.
         let mut pairs: Vec<[u32; 2]> = Vec::new();
         loop {
@@ -70,8 +78,9 @@ impl Walker {
             for (pair, (times, _)) in &met {
                 search.separation(*pair, *times, &mut contacts);
             }
+            let masses = &yielding.inverse_mass;
             let solution =
-                self.solution(target, &yielding.inverse_mass, &contacts, &mut multipliers);
+                self.solution((target, masses), &contacts, &mut multipliers, most_sweeps);
             let Solution { mesh, tree, solved, has_diverged } = solution;
             solves += 1;
             sweeps += solved.sweeps;
@@ -108,7 +117,12 @@ impl Walker {
                 };
             }
             if solves >= most {
-                most += params.solves;
+                // More effort separates no fingers of a fist.
+                let is_of_body = |t: &u32| (*t as usize) < scene.triangle_starts[1];
+                let [sweeps, solves_more] =
+                    if pairs.iter().flatten().all(is_of_body) { [1, 1] } else { effort };
+                (most, most_sweeps) =
+                    (solves + solves_more * params.solves, sweeps * params.sweeps);
                 // What was tried with more of the body held counts for nothing.
                 multipliers = self.multipliers.clone();
                 multipliers.turn(scene, &turns);
@@ -118,6 +132,7 @@ impl Walker {
                 } else {
                     let left = pairs.iter().flatten().copied();
                     yielding.free_near(scene, target, left, reach);
+                    yielding.is_local = yielding.inverse_mass != scene.inverse_mass;
                     widened = true;
                 }
                 continue;
@@ -130,18 +145,17 @@ impl Walker {
         }
     }
 
-    /// Solves for the state nearest to `target`, and rounds it.
+    /// Solves for the state nearest to `target` by at most `sweeps`, and rounds it.
     fn solution(
         &self,
-        target: &[Point],
-        inverse_mass: &[Real],
+        (target, inverse_mass): (&[Point], &[Real]),
         contacts: &[Contact],
         multipliers: &mut Multipliers,
+        sweeps: usize,
     ) -> Solution {
-        let Self { scene, params, storage, .. } = self;
+        let Self { scene, storage, .. } = self;
         let mut x = Vec::new();
-        let solved =
-            solve(scene, (target, inverse_mass), contacts, multipliers, (params.sweeps, &mut x));
+        let solved = solve(scene, (target, inverse_mass), contacts, multipliers, (sweeps, &mut x));
         scene.copy_doubled(&mut x);
         // What is not a number is not near, either.
         let is_near = |(x, target): (&Point, &Point)| (x - target).norm() <= DIVERGED;

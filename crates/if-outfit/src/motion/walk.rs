@@ -81,27 +81,6 @@ pub struct Walked {
     pub unresolved: Vec<[(usize, u32); 2]>,
 }
 
-impl Walked {
-    /// Goes on with a walk over what was left of the path.
-    pub fn go_on(&mut self, on: Self) {
-        let left = 1.0 - self.reached;
-        *self = Self {
-            reached: if on.reached < 1.0 { self.reached + left * on.reached } else { 1.0 },
-            steps: self.steps + on.steps,
-            halved: self.halved + on.halved,
-            solves: self.solves + on.solves,
-            sweeps: self.sweeps + on.sweeps,
-            wide: self.wide + on.wide,
-            ..on
-        };
-    }
-
-    /// Whether all that is left is of the body alone.
-    pub fn is_of_body_alone(&self) -> bool {
-        !self.unresolved.is_empty() && self.unresolved.iter().all(|[a, b]| a.0 == 0 && b.0 == 0)
-    }
-}
-
 /// An outfit that follows a motion, free of intersections at each step.
 ///
 /// Body and garments are solved in one problem, so that the body yields where it meets itself. All
@@ -188,12 +167,6 @@ impl Walker {
     /// [`Storage::F32`].
     pub fn stored_as(self, storage: Storage) -> Self {
         Self { storage, ..self }
-    }
-
-    /// Most sweeps of a solve and solves of a step ([`WalkParams::sweeps`], [`WalkParams::solves`]) of later
-    /// walks, each at least 1.
-    pub fn set_limits(&mut self, sweeps: usize, solves: usize) {
-        (self.params.sweeps, self.params.solves) = (sweeps, solves);
     }
 
     /// The rest state, the body first: what targets are computed from.
@@ -305,8 +278,7 @@ impl Walker {
             let to = if step > 0.999 * left { 1.0 } else { walked.reached + step };
             let target = path(to);
             self.check(&target)?;
-            let yielding = yielding.clone().unwrap_or_else(|| self.yielding(&target));
-            let attempt = self.attempt(&target, yielding, None);
+            let attempt = self.attempt(&target, yielding.clone(), None);
             walked.solves += attempt.solves;
             walked.sweeps += attempt.sweeps;
             walked.contacts = attempt.contacts;

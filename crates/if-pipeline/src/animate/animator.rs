@@ -89,10 +89,6 @@ const MOST_APART: Real = 0.2;
 /// Most frames of smoothing to each side. The window is held in memory.
 const MOST_SMOOTHING: usize = 30;
 
-/// Times as many sweeps of a solve, and solves of a step, where a way got stuck: in a fold with many layers
-/// between skin and skin a push takes so many to come through.
-const THOROUGH: [usize; 2] = [4, 2];
-
 /// An outfit on its way through a motion.
 #[derive(Clone, Debug)]
 pub struct Animator<'a> {
@@ -179,13 +175,6 @@ impl<'a> Animator<'a> {
             // from the rest pose is another one.
             restarted = self.walk_from_rest(&mut walked, monitor)?;
         }
-        if walked.reached < 1.0 && !walked.is_of_body_alone() {
-            let WalkParams { sweeps, solves, .. } = self.params.walk;
-            self.walker.set_limits(THOROUGH[0] * sweeps, THOROUGH[1] * solves);
-            let found = self.walk_thoroughly(&mut walked, monitor);
-            self.walker.set_limits(sweeps, solves);
-            restarted |= found?;
-        }
         if walked.unresolved.iter().any(|[a, b]| a.0 == 0 && b.0 == 0) {
             // The body meets itself, and that may be far from any garment.
             self.walker.set_letting_go(true);
@@ -213,17 +202,6 @@ impl<'a> Animator<'a> {
         };
         self.frame += 1;
         Ok((positions, row))
-    }
-
-    /// Goes on where a way got stuck, and if that does not help from the rest pose once more; returns whether
-    /// from there.
-    fn walk_thoroughly(
-        &mut self,
-        walked: &mut Walked,
-        monitor: &mut dyn Monitor,
-    ) -> Result<bool, AnimateError> {
-        walked.go_on(self.walk(monitor)?);
-        Ok(walked.reached < 1.0 && self.walk_from_rest(walked, monitor)?)
     }
 
     /// Walks from the rest pose, and stays where that leads if it is better than what was `walked`.
@@ -308,7 +286,7 @@ mod tests {
     }
 
     #[test]
-    fn a_way_that_is_stuck_goes_on_with_more_sweeps_and_solves() {
+    fn a_step_that_is_stuck_takes_more_sweeps_and_solves() {
         let (outfit, mut motion) = (outfit(), motion(1));
         // The thigh meets the belly, with the trousers of both between.
         let thigh = rig::skeleton().names().position(|n| n == "left_thigh").unwrap();
@@ -317,9 +295,6 @@ mod tests {
         (params.walk.sweeps, params.walk.halvings) = (1, 0);
         let movement = Movement::poses(&outfit, &motion);
         let mut animator = Animator::new(movement, params).unwrap();
-        animator.restart().unwrap();
-        let walked = animator.walk(&mut Silent).unwrap();
-        assert!(walked.reached < 1.0 && !walked.is_of_body_alone(), "{walked:?}");
         let (positions, row) = animator.next_frame(&mut Silent).unwrap();
         assert!(row.reached && row.let_go == 0, "{row:?}");
         assert!(animator.walker().intersections(&positions).unwrap().is_empty());
