@@ -210,11 +210,11 @@ impl<'a> Animator<'a> {
         walked: &mut Walked,
         monitor: &mut dyn Monitor,
     ) -> Result<bool, AnimateError> {
-        let (snapshot, so_far, excess) =
-            (self.walker.snapshot(), self.place.clone(), self.excess()?);
+        let (snapshot, so_far, rank) =
+            (self.walker.snapshot(), self.place.clone(), self.rank(walked)?);
         self.restart()?;
         let again = self.walk(monitor)?;
-        let is_better = (again.reached, -self.excess()?) > (walked.reached, -excess);
+        let is_better = self.rank(&again)? > rank;
         if is_better {
             *walked = again;
         } else {
@@ -222,6 +222,14 @@ impl<'a> Animator<'a> {
             self.place = so_far;
         }
         Ok(is_better)
+    }
+
+    /// What of two ways to a frame is better: how far it came, fewer vertices inside of what they lie over,
+    /// and less excess.
+    fn rank(&self, walked: &Walked) -> Result<[Real; 3], AnimateError> {
+        let is_there = walked.reached >= 1.0;
+        let inside = if is_there { self.walker.prove(self.walker.positions())?.inside } else { 0 };
+        Ok([walked.reached, -(inside as Real), -self.excess()?])
     }
 
     /// Largest displacement from where the next frame has them, of the body as a share of
@@ -283,6 +291,30 @@ mod tests {
         for (v, by, expected) in [(0, 0.06, 2.0), (skin, 0.06, 0.6), (skin + 7, 0.3, 3.0)] {
             approx::assert_relative_eq!(excess(v, by), expected, epsilon = 1e-3);
         }
+    }
+
+    #[test]
+    fn of_two_ways_the_one_with_fewer_vertices_inside_is_better() {
+        let (outfit, motion) = (outfit(), motion(1));
+        let movement = Movement::poses(&outfit, &motion);
+        let mut animator = Animator::new(movement, AnimateParams::default()).unwrap();
+        let rest = animator.rest.clone();
+        let skin = outfit.outfit.body.mesh.vertices().len();
+        // Thighs are within the trousers, and these within the thighs.
+        let mut rank = |reached: Real, narrower: Real| {
+            let mut x = rest.clone();
+            for p in &mut x[skin..] {
+                let middle = 0.09 * p.x.signum();
+                (p.x, p.z) = (middle + narrower * (p.x - middle), narrower * p.z);
+            }
+            animator.walker.restart(x).unwrap();
+            let mut walked = Walked::default();
+            walked.reached = reached;
+            animator.rank(&walked).unwrap()
+        };
+        let (clean, inside, stuck) = (rank(1.0, 1.0), rank(1.0, 0.5), rank(0.5, 1.0));
+        assert!(clean[1] == 0.0 && inside[1] <= -10.0, "{clean:?} {inside:?}");
+        assert!(clean > inside && inside > stuck);
     }
 
     #[test]
