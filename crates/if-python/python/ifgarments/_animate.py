@@ -115,11 +115,13 @@ def animate(
     outfit = read_outfit(body, layers)
     names = [layer.name for layer in outfit]
     moving = _motion(motion)
+    of_bodies = "the motion has the body in each frame"
+    unused: list[tuple[str, Any, str]] = [
+        ("skeleton", skeleton, of_bodies),
+        ("weights", weights, of_bodies),
+    ]
     if isinstance(moving, bytes):
         unused = [("fps", fps, "poses have their own")]
-    else:
-        of_bodies = "the motion has the body in each frame"
-        unused = [("skeleton", skeleton, of_bodies), ("weights", weights, of_bodies)]
     for argument, value, reason in unused:
         if value is not None:
             raise ValueError(f"{argument} is of no use: {reason}; leave it out")
@@ -138,7 +140,7 @@ def animate(
     report, without, (unmatched, misplaced, rest_frame), positions = _native.animate(
         [layer.native() for layer in outfit],
         moving,
-        None if skeleton is None else _file(skeleton, "skeleton"),
+        None if skeleton is None else _skeleton(skeleton),
         given,
         30.0 if fps is None else number(fps, "fps", ", frames per second"),
         None if frames is None else folder(frames, "frames"),
@@ -153,11 +155,11 @@ def animate(
 
 def _motion(given: Any) -> bytes | str | NDArray[np.float64]:
     """Poses as JSON or BVH; or the folder of the body in each frame, or its positions."""
-    if isinstance(given, (str, bytes, os.PathLike)) and os.path.isdir(given):
-        return folder(given, "motion")
-    if isinstance(given, (str, bytes, os.PathLike, Mapping)):
-        found = _file(given, "motion")
-        return found if isinstance(found, bytes) else _bytes(found)
+    if isinstance(given, Mapping):
+        return _json(given, "motion")
+    if isinstance(given, (str, os.PathLike)):
+        path = folder(given, "motion")
+        return path if os.path.isdir(path) else _bytes(path)
     try:
         positions = np.asarray(given)
     except Exception as error:  # ragged lists; tensors of other devices
@@ -171,9 +173,7 @@ def _motion(given: Any) -> bytes | str | NDArray[np.float64]:
     return plain(positions, np.float64)
 
 
-def _weights(
-    given: Any, name: str, vertices: int
-) -> tuple[NDArray[Any], NDArray[Any]] | str:
+def _weights(given: Any, name: str, vertices: int) -> tuple[NDArray[Any], NDArray[Any]] | str:
     argument = f"weights[{name!r}]"
     if isinstance(given, (str, os.PathLike)):
         return folder(given, argument)
@@ -192,16 +192,20 @@ def _weights(
     return plain(joints, np.uint16), plain(weights, np.float32)
 
 
-def _file(given: Any, argument: str) -> bytes | str:
-    """JSON of a mapping, the content of a file, or the path of a glTF file."""
+def _skeleton(given: Any) -> bytes | str:
+    """JSON, or the path of a glTF file."""
     if isinstance(given, Mapping):
-        try:
-            return json_text(given).encode()
-        except (TypeError, ValueError) as error:
-            raise ValueError(f"{argument}: {error}") from None
-    path = folder(given, argument)
+        return _json(given, "skeleton")
+    path = folder(given, "skeleton")
     content = _bytes(path)
     return path if path.lower().endswith(GLTF) else content
+
+
+def _json(given: Mapping[str, Any], argument: str) -> bytes:
+    try:
+        return json_text(given).encode()
+    except (TypeError, ValueError) as error:
+        raise ValueError(f"{argument}: {error}") from None
 
 
 def _bytes(path: str) -> bytes:
