@@ -13,7 +13,7 @@ use std::sync::Arc;
 
 /// The frames of a body: files of one mesh each, or positions.
 ///
-/// Files are read when they are needed: memory does not grow with frames.
+/// Files are read when they are needed: memory does not grow with them.
 #[derive(Clone, Debug)]
 pub struct BodySequence {
     frames: Vec<Frame>,
@@ -165,9 +165,8 @@ impl BodySequence {
         for (number, positions) in frames.into_iter().enumerate() {
             let frame = || FrameSource::Positions(number);
             check_positions(frame, &positions, vertices)?;
-            if let Ok(mesh) = rest.with_vertices(positions.clone()) {
-                check_size(frame, &mesh, rest)?;
-            }
+            let mesh = rest.with_vertices(positions.clone());
+            check_size(frame, &mesh.expect("as many vertices, all finite"), rest)?;
             checked.push(Frame::Positions(positions.into()));
         }
         if checked.is_empty() {
@@ -382,6 +381,7 @@ mod tests {
             assert!(matches!(error, Err(SequenceError::Rate(_))));
         }
     }
+
     #[test]
     fn positions_are_frames_and_bad_ones_are_named() {
         let rest = icosphere(1.0, 1);
