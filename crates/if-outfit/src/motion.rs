@@ -19,6 +19,7 @@
 //! No accepted state has an intersecting pair that the rest state does not have, but for those of a body
 //! that was [let go](Walker::set_letting_go), so a walk can end at any step. Targets come from the caller: this module sees no skeleton.
 
+mod active;
 mod approach;
 mod attempt;
 mod clean;
