@@ -5,9 +5,10 @@
 use crate::record::{Record, Run, timed};
 use if_core::intersect::{Contact, triangles};
 use if_core::math::Point;
+use if_core::random::SplitMix64;
 use num_rational::{BigRational, Ratio};
 use num_traits::Float;
-use rational::{Random, grid, near_degenerate, reference};
+use rational::{grid, near_degenerate, reference};
 use rayon::prelude::*;
 
 // `if-core`'s own twin, with which its tests compare.
@@ -23,7 +24,7 @@ const TIMED: usize = 200;
 type Pair = [Point; 6];
 
 pub(crate) fn run(record: &mut Record) {
-    let any = |r: &mut Random| [(); 6].map(|()| Point::new(r.unit(), r.unit(), r.unit()));
+    let any = |r: &mut SplitMix64| [(); 6].map(|()| Point::new(r.unit(), r.unit(), r.unit()));
     // A million in all; most of them where rational arithmetic is cheap.
     compare(record, "1 m, any", 5, any, meets::<BigRational>);
     compare(record, "1 m, near-degenerate", 10, |r| near_degenerate(r, 1.0), meets::<BigRational>);
@@ -48,12 +49,12 @@ fn compare(
     record: &mut Record,
     name: &str,
     thousands: u64,
-    draw: impl Fn(&mut Random) -> Pair + Sync,
+    draw: impl Fn(&mut SplitMix64) -> Pair + Sync,
     truth: impl Fn(&Pair) -> bool + Sync,
 ) {
     let chunks = if record.quick { thousands / 20 } else { thousands };
     let drawn = |seed: u64| {
-        let mut random = Random(seed.wrapping_mul(0x9e37_79b9_7f4a_7c15));
+        let mut random = SplitMix64::new(seed.wrapping_mul(0x9e37_79b9_7f4a_7c15));
         (0..CHUNK).map(|_| draw(&mut random)).collect::<Vec<_>>()
     };
     let pairs: Vec<Pair> = (1..=chunks).into_par_iter().flat_map_iter(drawn).collect();

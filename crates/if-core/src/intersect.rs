@@ -9,6 +9,8 @@ mod predicates;
 mod wide;
 
 use crate::math::{Point, Real};
+#[cfg(test)]
+use crate::random::SplitMix64;
 pub use fan::{Fan, is_flat_fan};
 use planar::Hull;
 use predicates::Plane;

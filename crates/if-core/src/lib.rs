@@ -41,6 +41,7 @@ pub mod monitor;
 pub mod number_or_infinite;
 pub mod parameter;
 mod pointers;
+pub mod random;
 pub mod rows;
 pub mod separating_axis;
 pub mod shapes;

@@ -151,6 +151,7 @@ impl<F: SignedDistance, M: Mask> SignedDistance for Masked<F, M> {
 mod tests {
     use super::*;
     use crate::closest::{Closest, ClosestPoint, Feature};
+    use crate::random::SplitMix64;
     use crate::shapes::{Cylinder, Sphere};
 
     /// The nearest point of a ball's surface, as a garment.
@@ -233,11 +234,8 @@ mod tests {
     fn within_its_free_radius_no_point_is_below_the_clearance() {
         let fields: [&dyn SignedDistance; 2] = [&boxed(), &near()];
         for (field, most) in fields.into_iter().zip([1.0, 0.4]) {
-            let (mut state, mut positive) = (7u64, [0; 2]);
-            let mut next = move || {
-                state = state.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
-                (state >> 11) as f64 / (1u64 << 53) as f64 * 2.0 - 1.0
-            };
+            let (mut random, mut positive) = (SplitMix64::new(7), [0; 2]);
+            let mut next = move || random.unit() * 2.0 - 1.0;
             for _ in 0..2000 {
                 let p = Point::new(next(), next(), next());
                 let distance = field.distance(&p);
@@ -289,11 +287,8 @@ mod tests {
     #[test]
     fn masked_fields_conform() {
         use crate::conformance::{FieldTolerances, check_signed_distance};
-        let mut state = 5u64;
-        let mut next = move || {
-            state = state.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
-            (state >> 11) as f64 / (1u64 << 53) as f64 * 2.4 - 1.2
-        };
+        let mut random = SplitMix64::new(5);
+        let mut next = move || random.unit() * 2.4 - 1.2;
         let points: Vec<Point> = (0..800).map(|_| Point::new(next(), next(), next())).collect();
         check_signed_distance(&boxed(), &points, &FieldTolerances::default()).unwrap();
         // Towards the outer radius the field is arbitrarily steep.

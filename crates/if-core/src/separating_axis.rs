@@ -50,14 +50,12 @@ fn edge(t: &[Point; 3], k: usize) -> Vector {
 mod tests {
     use super::*;
     use crate::intersect::{Contact, triangles};
+    use crate::random::SplitMix64;
 
     #[test]
     fn the_widest_gap_separates_all_disjoint_triangles_and_no_others() {
-        let mut state = 9u64;
-        let mut next = || {
-            state = state.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
-            (state >> 11) as Real / (1u64 << 53) as Real - 0.5
-        };
+        let mut random = SplitMix64::new(9);
+        let mut next = || random.unit() - 0.5;
         for flat in [1.0, 0.0] {
             let mut apart = 0;
             for _ in 0..500 {

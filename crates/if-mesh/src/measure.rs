@@ -6,6 +6,7 @@ use if_core::closest::ClosestPoint;
 use if_core::edges::Edges;
 use if_core::math::{Point, Real, area_vector, barycentric_point};
 use if_core::mesh::TriMesh;
+use if_core::random::SplitMix64;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
@@ -181,7 +182,7 @@ pub fn surface_samples(mesh: &TriMesh, samples: usize, seed: u64) -> Vec<Point> 
         return Vec::new();
     }
     let sample = |k: usize| {
-        let mut random = SplitMix64(seed.wrapping_add(k as u64));
+        let mut random = SplitMix64::new(seed.wrapping_add(k as u64));
         let place = (k as Real + random.unit()) / samples as Real * sum;
         let t = until.partition_point(|s| *s <= place).min(until.len() - 1);
         // Uniform in the parallelogram, folded into the triangle.
@@ -192,27 +193,6 @@ pub fn surface_samples(mesh: &TriMesh, samples: usize, seed: u64) -> Vec<Point> 
         barycentric_point(mesh.corners(t), [1.0 - u - v, u, v])
     };
     (0..samples).map(sample).collect()
-}
-
-/// A small random number generator: one per sample, so that results do not depend on the order.
-///
-/// # Source
-///
-/// Steele, Lea and Flood 2014, *Fast splittable pseudorandom number generators*.
-pub(crate) struct SplitMix64(pub(crate) u64);
-
-impl SplitMix64 {
-    pub(crate) fn next(&mut self) -> u64 {
-        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let z = (self.0 ^ (self.0 >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        let z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        z ^ (z >> 31)
-    }
-
-    /// In [0, 1).
-    pub(crate) fn unit(&mut self) -> Real {
-        (self.next() >> 11) as Real / (1u64 << 53) as Real
-    }
 }
 
 /// The smallest angle of each triangle, in degrees; 0 for one without area.

@@ -141,13 +141,11 @@ fn insert(new: (Real, u32), count: usize, found: &mut Vec<(Real, u32)>) {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use if_core::random::SplitMix64;
 
     fn scattered(n: usize) -> Vec<Point> {
-        let mut state = 7u64;
-        let mut unit = || {
-            state = state.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
-            (state >> 40) as Real / (1u64 << 24) as Real
-        };
+        let mut random = SplitMix64::new(7);
+        let mut unit = || random.unit();
         // On a coarse lattice, so that many are equally near.
         (0..n).map(|_| Point::new((unit() * 9.0).floor(), (unit() * 5.0).floor(), unit())).collect()
     }

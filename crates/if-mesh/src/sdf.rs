@@ -298,14 +298,12 @@ impl SignedDistance for MeshSdf {
 mod tests {
     use super::*;
     use if_core::conformance::{FieldTolerances, check_closest_point, check_signed_distance};
+    use if_core::random::SplitMix64;
     use if_core::shapes::{Cuboid, Sphere, Torus, meshes};
 
     fn points(n: usize, half: Real) -> Vec<Point> {
-        let mut state = 9u64;
-        let mut next = move || {
-            state = state.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
-            ((state >> 11) as f64 / (1u64 << 53) as f64 * 2.0 - 1.0) * half
-        };
+        let mut random = SplitMix64::new(9);
+        let mut next = move || (random.unit() * 2.0 - 1.0) * half;
         (0..n).map(|_| Point::new(next(), next(), next())).collect()
     }
 

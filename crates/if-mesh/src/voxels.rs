@@ -381,6 +381,7 @@ impl SlabTest {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use if_core::random::SplitMix64;
 
     fn box_walls(v: &mut Voxels, leave_out: usize) {
         let p = |k: usize| Point::new((k & 1) as f64, (k >> 1 & 1) as f64, (k >> 2 & 1) as f64);
@@ -429,11 +430,8 @@ mod tests {
 
     #[test]
     fn segments_fill_the_voxels_of_their_places_also_across_the_border() {
-        let mut state = 3u64;
-        let mut next = || {
-            state = state.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
-            (state >> 11) as Real / (1u64 << 53) as Real
-        };
+        let mut random = SplitMix64::new(3);
+        let mut next = || random.unit();
         let mut v = Voxels::new(&unit(), 0.05);
         let mut point = || Point::new(next(), next(), next()) * 1.6 - Vector::repeat(0.3);
         let mut segments: Vec<[Point; 2]> = (0..200).map(|_| [point(), point()]).collect();

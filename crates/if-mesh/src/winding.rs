@@ -3,7 +3,6 @@
 use crate::index::{Branch, Bvh};
 use if_core::math::{Point, Real, Vector, area_vector};
 use if_core::mesh::TriMesh;
-use if_core::parameter::ParameterError;
 use nalgebra::Matrix3;
 use rayon::prelude::*;
 use std::f64::consts::PI;
@@ -74,16 +73,6 @@ impl Winding {
 
     /// The same with another ratio of distance to radius from which on groups are evaluated as one:
     /// larger is slower and more exact; infinity sums over all triangles.
-    ///
-    /// # Errors
-    ///
-    /// A ratio out of range.
-    pub fn with_beta(mesh: &TriMesh, beta: Real) -> Result<Self, ParameterError> {
-        // A group that is nearer than its radius is not seen from outside.
-        ParameterError::check("beta", beta, beta >= 1.0, "at least 1")?;
-        Ok(Self::prepared(mesh, beta))
-    }
-
     fn prepared(mesh: &TriMesh, beta: Real) -> Self {
         let tree = Bvh::new(mesh);
         let none = Moments {
@@ -232,15 +221,14 @@ mod tests {
     use if_core::shapes::meshes;
 
     fn random_points(n: usize, scale: Real) -> Vec<Point> {
-        let mut random = crate::measure::SplitMix64(5);
+        let mut random = if_core::random::SplitMix64::new(5);
         (0..n).map(|_| Point::from([0; 3].map(|_| (2.0 * random.unit() - 1.0) * scale))).collect()
     }
 
     #[test]
     fn a_closed_ball_has_one_inside_and_zero_outside() {
         let ball = meshes::icosphere(1.0, 4);
-        let (fast, exact) =
-            (Winding::new(&ball), Winding::with_beta(&ball, Real::INFINITY).unwrap());
+        let (fast, exact) = (Winding::new(&ball), Winding::prepared(&ball, Real::INFINITY));
         for p in random_points(300, 1.6) {
             let distance = p.coords.norm();
             let w = exact.at(&p);
@@ -260,7 +248,7 @@ mod tests {
         let ball = meshes::icosphere(1.0, 4);
         let heights: Vec<Real> = ball.vertices().iter().map(|p| p.y).collect();
         let bowl = clip(&ball, &heights);
-        let exact = Winding::with_beta(&bowl, Real::INFINITY).unwrap();
+        let exact = Winding::prepared(&bowl, Real::INFINITY);
         // Seen from the middle a half sphere fills half of all directions. Cuts keep a hundredth of
         // an edge from vertices.
         approx::assert_relative_eq!(exact.at(&Point::origin()), 0.5, epsilon = 1e-3);
@@ -281,19 +269,6 @@ mod tests {
         for (x, w) in [(0.1, 2.0), (0.7, 1.0), (1.3, 0.0)] {
             approx::assert_relative_eq!(both.at(&Point::new(x, 0.01, 0.02)), w, epsilon = 0.005);
         }
-    }
-
-    #[test]
-    fn a_group_that_is_seen_from_within_is_refused() {
-        let ball = meshes::icosphere(1.0, 2);
-        for beta in [0.5, -1.0, 0.0, Real::NAN] {
-            let error = Winding::with_beta(&ball, beta).unwrap_err();
-            assert!(error.to_string().contains("at least 1"), "{error}");
-        }
-        assert!(
-            Winding::with_beta(&ball, 1.0).is_ok()
-                && Winding::with_beta(&ball, Real::INFINITY).is_ok()
-        );
     }
 
     #[test]

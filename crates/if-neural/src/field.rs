@@ -293,6 +293,7 @@ mod tests {
     use super::*;
     use crate::grid::GridConfig;
     use if_core::conformance::{FieldTolerances, check_signed_distance};
+    use if_core::random::SplitMix64;
 
     fn ball() -> NeuralField<GridField> {
         let grid =
@@ -303,11 +304,8 @@ mod tests {
     #[test]
     fn a_network_conforms_inside_and_outside_its_cube() {
         let field = ball();
-        let mut state = 9u64;
-        let mut next = move || {
-            state = state.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
-            (state >> 11) as f64 / (1u64 << 53) as f64 * 1.4 - 0.7
-        };
+        let mut random = SplitMix64::new(9);
+        let mut next = move || random.unit() * 1.4 - 0.7;
         let points: Vec<Point> =
             (0..700).map(|_| Point::new(next(), 1.0 + next(), next())).collect();
         // f32 values are rounded to 1e-7: differences over 2 mm are good to 1e-4.

@@ -42,15 +42,13 @@ pub(crate) fn widest_gap(t: &[Point; 3], o: &[Point; 3]) -> Option<(Vector, Real
 mod tests {
     use super::*;
     use if_core::intersect::{Contact, triangles};
+    use if_core::random::SplitMix64;
 
     #[test]
     fn moved_up_to_the_plane_the_triangles_are_disjoint() {
         let o = [Point::new(0.0, 0.0, 0.0), Point::new(1.0, 0.0, 0.1), Point::new(0.0, 1.0, -0.1)];
-        let mut state = 5u64;
-        let mut next = || {
-            state = state.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
-            (state >> 11) as Real / (1u64 << 53) as Real - 0.5
-        };
+        let mut random = SplitMix64::new(5);
+        let mut next = || random.unit() - 0.5;
         let mut met = 0;
         for _ in 0..500 {
             let t = [0; 3].map(|_| Point::new(0.3 + next(), 0.3 + next(), 0.6 * next()));

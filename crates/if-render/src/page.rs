@@ -95,12 +95,6 @@ impl Page {
         self
     }
 
-    /// A link to a file beside the page, relative to it.
-    pub fn link(&mut self, text: &str, file: &str) -> &mut Self {
-        self.body += &format!("<p><a href=\"{}\">{}</a></p>\n", escaped(file), escaped(text));
-        self
-    }
-
     /// Parameters or records, as JSON.
     pub fn json(&mut self, value: &impl Serialize) -> &mut Self {
         let text = serde_json::to_string_pretty(value).unwrap_or_else(|e| e.to_string());
@@ -153,7 +147,7 @@ mod tests {
             .verdict(true, "well")
             .table(&["<"], &[vec!["'".into()]])
             .picture("p", b"png");
-        page.json(&serde_json::json!({"<k>": 1})).link("there", "x/report.html");
+        page.json(&serde_json::json!({"<k>": 1}));
         let html = page.html();
         assert!(
             !html.contains("<script>")

@@ -4,6 +4,7 @@ use crate::folder::{Folder, Run, angular_belt, belt, body, obj, ply};
 use if_body::mannequin::{self, Garment, MannequinParams};
 use if_core::math::Point;
 use if_core::mesh::TriMesh;
+use if_core::random::SplitMix64;
 use if_mesh::ply::{Column, PlyMesh, Property, WriteParams, read_bytes, write_path};
 use serde_json::Value;
 use std::path::{Path, PathBuf};
@@ -71,11 +72,10 @@ fn kill_and_resume(folder: &Folder, batch: &str, kills: usize) -> usize {
     let start = Instant::now();
     folder.ifg(&format!("{batch} --out peace")).expect(0);
     let seconds = start.elapsed().as_secs_f64();
-    let mut random = 7u64;
+    let mut random = SplitMix64::new(7);
     let mut struck = 0;
     for _ in 0..kills {
-        random = random.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
-        let share = (random >> 11) as f64 / (1u64 << 53) as f64;
+        let share = random.unit();
         let mut child = folder
             .command(&format!("{batch} --out killed"))
             .stdout(Stdio::null())

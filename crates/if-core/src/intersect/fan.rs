@@ -53,11 +53,11 @@ pub fn is_flat_fan<'a>(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::intersect::rational::Random;
     use crate::intersect::triangles_sharing;
+    use crate::random::SplitMix64;
 
     /// Neighbours at `angles` around the origin, in a plane that is turned, at random heights.
-    fn neighbours(angles: &[f64], rough: f64, random: &mut Random) -> Vec<Point> {
+    fn neighbours(angles: &[f64], rough: f64, random: &mut SplitMix64) -> Vec<Point> {
         let mut between = |low: f64, high: f64| low + (high - low) * random.unit();
         let [x, y, z] = [between(-3.0, 3.0), between(-1.5, 1.5), between(-3.0, 3.0)];
         let turn = nalgebra::Rotation3::from_euler_angles(x, y, z);
@@ -84,7 +84,7 @@ mod tests {
 
     #[test]
     fn what_is_flat_meets_nowhere_and_smooth_fans_are_flat() {
-        let mut random = Random(3);
+        let mut random = SplitMix64::new(3);
         let (mut flat, mut folded, mut all) = (0, 0, 0);
         for case in 0..4000 {
             let n = 3 + case % 6;

@@ -4,7 +4,7 @@
 //! One triangle is clipped by the other's half-spaces; where the middle of what is left lies tells
 //! the rest.
 
-use super::{Contact, Point};
+use super::{Contact, Point, SplitMix64};
 use num_bigint::BigInt;
 use num_rational::{BigRational, Ratio};
 use num_traits::{One, Signed, Zero};
@@ -151,23 +151,9 @@ pub(super) fn reference<T: Exact>(a: [&Point; 3], b: [&Point; 3]) -> Contact {
     if coplanar { Contact::Coplanar } else { Contact::Crossing }
 }
 
-pub(super) struct Random(pub(super) u64);
-impl Random {
-    pub(super) fn next(&mut self) -> u64 {
-        self.0 = self.0.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
-        self.0 >> 33
-    }
-    pub(super) fn unit(&mut self) -> f64 {
-        (self.next() as f64 + self.next() as f64 / 2147483648.0) / 2147483648.0
-    }
-    pub(super) fn below(&mut self, n: u64) -> u64 {
-        (self.next() >> 8) % n
-    }
-}
-
 /// Triangles with corners on a small integer grid: most pairs touch, lie in one plane or are
 /// degenerate.
-pub(super) fn grid(random: &mut Random, n: u64) -> [Point; 6] {
+pub(super) fn grid(random: &mut SplitMix64, n: usize) -> [Point; 6] {
     let flat = random.below(4) == 0;
     [(); 6].map(|()| {
         let mut c = || random.below(n) as f64;
@@ -176,12 +162,12 @@ pub(super) fn grid(random: &mut Random, n: u64) -> [Point; 6] {
 }
 
 /// Corners in general position, or on the other triangle's corners, edges or plane up to rounding.
-pub(super) fn near_degenerate(random: &mut Random, scale: f64) -> [Point; 6] {
+pub(super) fn near_degenerate(random: &mut SplitMix64, scale: f64) -> [Point; 6] {
     let mut p = [(); 6].map(|()| {
         Point::new(random.unit() - 0.5, random.unit() - 0.5, random.unit() - 0.5) * scale
     });
     for k in 3..6 {
-        let (i, j) = (random.below(3) as usize, random.below(3) as usize);
+        let (i, j) = (random.below(3), random.below(3));
         let (u, v) = (random.unit(), random.unit());
         p[k] = match random.below(8) {
             0 => p[i],
@@ -205,7 +191,7 @@ pub(super) fn near_degenerate(random: &mut Random, scale: f64) -> [Point; 6] {
 }
 
 /// Coordinates from both ends of the range in one pair, some of them shared or a last digit apart.
-pub(super) fn mixed(random: &mut Random) -> [Point; 6] {
+pub(super) fn mixed(random: &mut SplitMix64) -> [Point; 6] {
     const ENDS: [f64; 12] = [
         0.0,
         5e-324,
@@ -222,14 +208,13 @@ pub(super) fn mixed(random: &mut Random) -> [Point; 6] {
     ];
     let mut p = [(); 6].map(|()| {
         let mut c = || {
-            let x = ENDS[random.below(12) as usize] * if random.below(2) == 0 { 1.0 } else { -1.0 };
+            let x = ENDS[random.below(12)] * if random.below(2) == 0 { 1.0 } else { -1.0 };
             if random.below(4) == 0 { x * random.unit() } else { x }
         };
         Point::new(c(), c(), c())
     });
     for _ in 0..random.below(8) {
-        let (i, j, k) =
-            (random.below(6) as usize, random.below(6) as usize, random.below(3) as usize);
+        let (i, j, k) = (random.below(6), random.below(6), random.below(3));
         match random.below(4) {
             0 => p[i] = p[j],
             1 => p[i][k] = p[j][k].next_down(),

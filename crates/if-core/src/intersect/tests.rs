@@ -34,16 +34,16 @@ fn check<T: Exact>(p: &[Point; 6], counts: &mut [usize; 4]) {
 }
 
 fn compare_grids(pairs: usize, seed: u64) {
-    let mut random = Random(seed);
+    let mut random = SplitMix64::new(seed);
     let mut counts = [0; 4];
     for k in 0..pairs {
-        check::<Ratio<i128>>(&grid(&mut random, 2 + (k % 4) as u64), &mut counts);
+        check::<Ratio<i128>>(&grid(&mut random, 2 + k % 4), &mut counts);
     }
     assert!(counts.iter().all(|n| *n > pairs / 50), "all kinds must occur: {counts:?}");
 }
 
 fn compare_floats(pairs: usize, seed: u64) {
-    let mut random = Random(seed);
+    let mut random = SplitMix64::new(seed);
     let mut counts = [0; 4];
     for k in 0..pairs {
         let scale = [1.0, 1.0, 1e-100, 1e100, 1e-30, 1e9, 1e-300, 1e300][k % 8];
@@ -53,7 +53,7 @@ fn compare_floats(pairs: usize, seed: u64) {
 }
 
 fn compare_mixed(pairs: usize, seed: u64) {
-    let mut random = Random(seed);
+    let mut random = SplitMix64::new(seed);
     let mut counts = [0; 4];
     for _ in 0..pairs {
         check::<BigRational>(&mixed(&mut random), &mut counts);
@@ -77,11 +77,11 @@ fn near_degenerate_pairs_of_all_scales_agree_with_rational_arithmetic() {
 }
 
 fn compare_sharing(pairs: usize, seed: u64) {
-    let mut random = Random(seed);
+    let mut random = SplitMix64::new(seed);
     let mut counts = [[0; 4]; 2];
     for k in 0..pairs {
         let n = 1 + k % 2;
-        let mut p = grid(&mut random, 2 + (k % 4) as u64);
+        let mut p = grid(&mut random, 2 + k % 4);
         let indices = [[0, 1, 2], if n == 1 { [0, 4, 5] } else { [0, 1, 5] }];
         indices[1].iter().enumerate().for_each(|(i, v)| p[3 + i] = p[*v as usize]);
         let (a, b) = ([&p[0], &p[1], &p[2]], [&p[3], &p[4], &p[5]]);
@@ -121,7 +121,7 @@ fn pairs_that_share_corners_agree_with_rational_arithmetic() {
 
 #[test]
 fn the_same_triangle_twice_is_left_to_checks_of_connectivity() {
-    let p = grid(&mut Random(3), 5);
+    let p = grid(&mut SplitMix64::new(3), 5);
     let t = [&p[0], &p[1], &p[2]];
     assert_eq!(triangles_sharing(t, [7, 8, 9], [t[2], t[0], t[1]], [9, 7, 8]), Contact::Disjoint);
     assert!(triangles_sharing(t, [7, 8, 9], t, [4, 5, 6]).is_some());
@@ -129,10 +129,10 @@ fn the_same_triangle_twice_is_left_to_checks_of_connectivity() {
 
 #[test]
 fn a_segment_passes_where_rational_arithmetic_says_so() {
-    let mut random = Random(11);
+    let mut random = SplitMix64::new(11);
     let mut passages = 0;
     for k in 0..4000 {
-        let p = grid(&mut random, 3 + (k % 3) as u64);
+        let p = grid(&mut random, 3 + k % 3);
         let (t, needle) = ([&p[0], &p[1], &p[2]], [&p[3], &p[4], &p[4]]);
         let (st, sn) = (set(&exact::<Ratio<i128>>(t)), set(&exact::<Ratio<i128>>(needle)));
         let one_plane =

@@ -129,14 +129,14 @@ impl Wide {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::random::SplitMix64;
 
     #[test]
     fn arithmetic_agrees_with_128_bits() {
-        let mut state = 1u64;
+        let mut random = SplitMix64::new(1);
         let mut next = || {
-            state = state.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
-            ((state >> 33) as i64 - (1 << 30)) as f64
-                * [1.0, 2.0, 1024.0, 65536.0][(state >> 20 & 3) as usize]
+            (random.below(1 << 31) as f64 - f64::from(1 << 30))
+                * [1.0, 2.0, 1024.0, 65536.0][random.below(4)]
         };
         let back = |w: &Wide| {
             let m = w.limbs.iter().rev().fold(0i128, |s, l| (s << 32) + i128::from(*l));

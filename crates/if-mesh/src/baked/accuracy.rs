@@ -3,11 +3,11 @@
 use super::blend::{BRICK, Node, blend, bumps, cells, corners};
 use super::bricks::Bricks;
 use super::params::BakeParams;
-use crate::measure::SplitMix64;
 use if_core::aabb::Aabb;
 use if_core::field::SignedDistance;
 use if_core::math::{Point, Real, Vector};
 use if_core::monitor::{Cancelled, Monitor, Progress};
+use if_core::random::SplitMix64;
 use rayon::prelude::*;
 
 /// The bound is this times the largest error at the probed points.
@@ -165,7 +165,8 @@ fn probes(
         .collect();
     let mut points = Vec::new();
     let mut add = |b: u32, c: usize, count: usize| {
-        let mut random = SplitMix64((u64::from(b) * BRICK as u64 + c as u64) * 0x1_0001 + seed);
+        let mut random =
+            SplitMix64::new((u64::from(b) * BRICK as u64 + c as u64) * 0x1_0001 + seed);
         points.extend(
             (0..count).map(|_| (b, c, Vector::new(random.unit(), random.unit(), random.unit()))),
         );

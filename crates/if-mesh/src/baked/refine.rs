@@ -8,11 +8,11 @@ use super::error::BakeError;
 use super::join::join;
 use super::params::BakeParams;
 use super::samples::{MAX_COORDINATE, Samples, fill, key, node_keys};
-use crate::measure::SplitMix64;
 use if_core::aabb::Aabb;
 use if_core::field::SignedDistance;
 use if_core::math::{Point, Real, Vector};
 use if_core::monitor::Monitor;
+use if_core::random::SplitMix64;
 use rayon::prelude::*;
 
 /// Random points in a cell with so much curvature that its middle is not enough.
@@ -241,7 +241,7 @@ impl Refinement<'_> {
         let places: Vec<(u32, usize, Vector)> = bending
             .iter()
             .flat_map(|(b, c)| {
-                let mut random = SplitMix64(middle(*b, *c));
+                let mut random = SplitMix64::new(middle(*b, *c));
                 (0..EXTRA).map(move |_| {
                     (*b, *c, Vector::new(random.unit(), random.unit(), random.unit()))
                 })

@@ -4,20 +4,14 @@ use if_core::conformance::{FieldTolerances, check_signed_distance};
 use if_core::field::{FieldSample, SignedDistance};
 use if_core::math::{Point, Real, Vector};
 use if_core::monitor::Silent;
+use if_core::random::SplitMix64;
 use if_core::shapes::{
     Capsule, Cuboid, Cylinder, Gyroid, Intersection, Plane, ScaledGradient, Sphere, Subtraction,
     Torus, Union,
 };
 
-struct Random(u64);
-impl Random {
-    fn unit(&mut self) -> Real {
-        self.0 = self.0.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
-        (self.0 >> 11) as Real / (1u64 << 53) as Real
-    }
-    fn point(&mut self, b: &Aabb) -> Point {
-        Point::from([0, 1, 2].map(|k| b.min[k] + self.unit() * (b.max[k] - b.min[k])))
-    }
+fn random_point(random: &mut SplitMix64, b: &Aabb) -> Point {
+    Point::from([0, 1, 2].map(|k| b.min[k] + random.unit() * (b.max[k] - b.min[k])))
 }
 
 const BALL: Sphere = Sphere { center: Point::new(0.01, 0.02, -0.03), radius: 0.2 };
@@ -71,9 +65,9 @@ fn check_error(points: usize, cell: Real) {
                 .unwrap();
         let solid = baked.bounds().unwrap();
         let region = truth.bounds().unwrap().inflated(0.08);
-        let mut random = Random(7);
+        let mut random = SplitMix64::new(7);
         for _ in 0..points {
-            let p = random.point(&region);
+            let p = random_point(&mut random, &region);
             let (got, expected) = (baked.distance(&p), truth.distance(&p));
             let bound = baked.error_bound();
             if expected > baked.band() - bound {
@@ -116,9 +110,10 @@ fn smooth_surfaces_are_exact_to_a_hundredth_of_a_millimetre() {
                 .unwrap();
         assert_eq!(baked.is_redistanced(), factor != 1.0);
         assert!(baked.error_bound_within(0.03) < 1e-5, "{}", baked.error_bound_within(0.03));
-        let mut random = Random(3);
+        let mut random = SplitMix64::new(3);
         for _ in 0..2000 {
-            let direction = (random.point(&BALL.bounds().unwrap()) - BALL.center).normalize();
+            let direction =
+                (random_point(&mut random, &BALL.bounds().unwrap()) - BALL.center).normalize();
             let p = BALL.center + direction * (BALL.radius + 0.06 * random.unit() - 0.03);
             let sample = baked.sample(&p);
             approx::assert_relative_eq!(sample.gradient, direction, epsilon = 2e-3);
@@ -161,8 +156,8 @@ fn baked_fields_conform() {
         )
         .unwrap();
         let region = source.bounds().unwrap().inflated(0.1);
-        let mut random = Random(1);
-        let points: Vec<Point> = (0..250).map(|_| random.point(&region)).collect();
+        let mut random = SplitMix64::new(1);
+        let points: Vec<Point> = (0..250).map(|_| random_point(&mut random, &region)).collect();
         // Faces of cells are slight kinks. At the border of the band the value may jump by the
         // error.
         let tolerances = FieldTolerances {
@@ -324,10 +319,10 @@ fn cells_are_small_only_where_that_is_needed() {
         let crease =
             if baked.is_redistanced() { 0.25 * baked.cell() / Real::sqrt(3.0) } else { 0.0 };
         assert!(bound <= 1.5e-3 + crease, "{bound}");
-        let mut random = Random(5);
+        let mut random = SplitMix64::new(5);
         let mut worst: Real = 0.0;
         for _ in 0..20_000 {
-            let p = random.point(&field.bounds().unwrap().inflated(0.02));
+            let p = random_point(&mut random, &field.bounds().unwrap().inflated(0.02));
             // Where it is the distance: not in the part of one limb that lies in the other.
             let truth = field.distance(&p);
             if truth.abs() < 0.02 && (p.x > 0.07 || truth > 0.0) {

@@ -42,7 +42,7 @@ fn surface(mesh: &TriMesh) -> BodySurface {
 }
 
 fn random_points(n: usize, half: Real) -> Vec<Point> {
-    let mut random = crate::measure::SplitMix64(7);
+    let mut random = if_core::random::SplitMix64::new(7);
     (0..n).map(|_| Point::from([0; 3].map(|_| (2.0 * random.unit() - 1.0) * half))).collect()
 }
 
@@ -219,7 +219,7 @@ fn what_has_no_inside_is_refused() {
 fn degenerate_input_has_an_answer() {
     let p = |k: u32| Point::new(f64::from(k % 3), f64::from(k / 3), f64::from(k % 5) * 0.1);
     let points: Vec<Point> = (0..9).map(p).collect();
-    let mut random = crate::measure::SplitMix64(3);
+    let mut random = if_core::random::SplitMix64::new(3);
     let mut soup = Vec::new();
     while soup.len() < 60 {
         let t = [0; 3].map(|_| (random.unit() * 9.0) as u32);

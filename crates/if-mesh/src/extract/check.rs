@@ -6,11 +6,11 @@ use crate::extract::params::ExtractParams;
 use crate::extract::report::{ErrorEstimate, Warning};
 use crate::index::Bvh;
 use crate::intersections::own_pairs;
-use crate::measure::SplitMix64;
 use if_core::field::{FieldSample, SignedDistance};
 use if_core::math::{Point, Real, Vector, barycentric_point, unit_or_zero};
 use if_core::mesh::TriMesh;
 use if_core::monitor::Cancelled;
+use if_core::random::SplitMix64;
 use std::collections::HashSet;
 
 /// Maximum cosine between the normals of two sheets that face one another, or away from one another.
@@ -89,7 +89,7 @@ pub(super) fn error_estimate(
     if mesh.triangles().is_empty() || params.check == 0 {
         return Ok(ErrorEstimate::default());
     }
-    let mut random = SplitMix64(params.seed);
+    let mut random = SplitMix64::new(params.seed);
     // Stratified: one from each of equal parts.
     let mut choose = |n: usize| -> Vec<usize> {
         let count = params.check.min(n);

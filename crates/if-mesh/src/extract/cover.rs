@@ -60,6 +60,7 @@ impl Balls {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use if_core::random::SplitMix64;
 
     /// The unit cube's corners with these radii.
     fn unit(radii: [Real; 8]) -> Balls {
@@ -84,11 +85,8 @@ mod tests {
 
     #[test]
     fn what_is_covered_holds_no_point_out_of_all_balls() {
-        let mut state = 7u64;
-        let mut random = || {
-            state = state.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
-            f64::from((state >> 33) as u32) / f64::from(u32::MAX >> 1)
-        };
+        let mut numbers = SplitMix64::new(7);
+        let mut random = || numbers.unit();
         let mut covered = 0;
         for _ in 0..400 {
             let radii = [0; 8].map(|_| 1.4 * random());

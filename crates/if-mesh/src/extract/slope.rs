@@ -3,10 +3,10 @@
 use crate::extract::budget::Budget;
 use crate::extract::error::ExtractError;
 use crate::extract::params::Slope;
-use crate::measure::SplitMix64;
 use if_core::aabb::Aabb;
 use if_core::field::{FieldSample, SignedDistance};
 use if_core::math::{Point, Real, Vector};
+use if_core::random::SplitMix64;
 
 /// What bounds a field between points where it was evaluated.
 #[derive(Clone, Copy, Debug)]
@@ -33,7 +33,7 @@ pub(super) fn slope_bound(
             if bytes > budget.memory {
                 return Err(ExtractError::TooManyPoints { points, bytes, limit: budget.memory });
             }
-            let mut random = SplitMix64(seed);
+            let mut random = SplitMix64::new(seed);
             let size = region.size();
             let places: Vec<Point> = (0..points)
                 .map(|_| {

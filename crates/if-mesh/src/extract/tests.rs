@@ -8,6 +8,7 @@ use if_core::math::Point;
 use if_core::math::Vector;
 use if_core::mesh::TriMesh;
 use if_core::monitor::Silent;
+use if_core::random::SplitMix64;
 use if_core::shapes::{Gyroid, Plane, Sphere, Torus, Union, meshes};
 
 /// Edges of other than two triangles, and Euler's characteristic.
@@ -83,11 +84,10 @@ impl Nodes {
     const N: usize = 9;
 
     fn random(seed: u64) -> Self {
-        let mut state = seed;
+        let mut random = SplitMix64::new(seed);
         let values = (0..Self::N.pow(3)).map(|n| {
-            state = state.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
             let border = (0..3).any(|k| [0, Self::N - 1].contains(&(n / Self::N.pow(k) % Self::N)));
-            let value = f64::from((state >> 33) as u32) / f64::from(u32::MAX) - 0.25;
+            let value = 0.5 * random.unit() - 0.25;
             if border { 1.0 } else { value }
         });
         Self(values.collect())

@@ -8,20 +8,9 @@ use rayon::prelude::*;
 
 impl Bvh {
     /// The values that `keep` returns for pairs (triangle here, triangle of `other`) whose boxes
-    /// overlap, in an order that does not depend on the number of threads.
-    pub fn overlapping_pairs<T: Send>(
-        &self,
-        other: &Bvh,
-        keep: impl Fn(u32, &[Point; 3], u32, &[Point; 3]) -> Option<T> + Sync,
-    ) -> Vec<T> {
-        self.near_pairs(other, |i, ti, j, tj| {
-            if corner_box(ti).overlaps(&corner_box(tj)) { keep(i, ti, j, tj) } else { None }
-        })
-    }
-
-    /// The same for pairs whose boxes overlap, or are apart by less than the rounding to single
-    /// precision: for tests that are exact without boxes, and reject a pair as fast as a comparison
-    /// of exact boxes.
+    /// overlap, or are apart by less than the rounding to single precision, in an order that does not
+    /// depend on the number of threads: for tests that are exact without boxes, and reject a pair as
+    /// fast as a comparison of exact boxes.
     pub(crate) fn near_pairs<T: Send>(
         &self,
         other: &Bvh,

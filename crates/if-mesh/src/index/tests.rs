@@ -3,6 +3,7 @@ use super::pairs::{above, below};
 use super::*;
 use if_core::closest::{ClosestPoint, closest_on_triangle};
 use if_core::math::{Real, barycentric_point};
+use if_core::random::SplitMix64;
 
 #[test]
 fn nodes_are_counted_as_splits_make_them() {
@@ -52,11 +53,8 @@ fn sheet(n: u32) -> TriMesh {
 }
 
 fn points(n: u64) -> Vec<Point> {
-    let mut state = 7u64;
-    let mut next = move || {
-        state = state.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
-        (state >> 11) as f64 / (1u64 << 53) as f64 * 1.6 - 0.3
-    };
+    let mut random = SplitMix64::new(7);
+    let mut next = move || random.unit() * 1.6 - 0.3;
     (0..n).map(|_| Point::new(next(), next(), next() * 0.4)).collect()
 }
 
@@ -115,7 +113,9 @@ fn boxes_pairs_and_segments_agree_with_all_triangles() {
         )
         .unwrap();
     let other_bvh = Bvh::new(&other);
-    let mut pairs = bvh.overlapping_pairs(&other_bvh, |a, _, b, _| Some((a, b)));
+    let mut pairs = bvh.near_pairs(&other_bvh, |a, ta, b, tb| {
+        corner_box(ta).overlaps(&corner_box(tb)).then_some((a, b))
+    });
     pairs.sort_unstable();
     let mut all = Vec::new();
     for a in 0..mesh.triangles().len() {
@@ -188,5 +188,5 @@ fn queries_of_an_empty_mesh_return_nothing() {
     bvh.overlapping(&Aabb { min: Point::origin(), max: Point::origin() }, |_| {
         panic!("nothing to visit")
     });
-    assert!(bvh.overlapping_pairs(&bvh, |a, _, b, _| Some((a, b))).is_empty());
+    assert!(bvh.near_pairs(&bvh, |a, _, b, _| Some((a, b))).is_empty());
 }

@@ -108,6 +108,7 @@ impl Pieces<'_> {
 mod tests {
     use super::*;
     use if_core::edges::{Edges, VertexTriangles};
+    use if_core::random::SplitMix64;
     use if_core::shapes::meshes::icosphere;
 
     /// Every border vertex has two border edges and one fan of triangles.
@@ -158,17 +159,10 @@ mod tests {
     #[test]
     fn any_signs_at_the_vertices_give_borders_that_pass_each_vertex_once() {
         let ball = icosphere(1.0, 3);
-        let mut state = 9u64;
+        let mut random = SplitMix64::new(9);
         for _ in 0..20 {
-            let values: Vec<Real> = ball
-                .vertices()
-                .iter()
-                .map(|_| {
-                    state =
-                        state.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
-                    f64::from((state >> 60) as u32) - 7.5
-                })
-                .collect();
+            let values: Vec<Real> =
+                ball.vertices().iter().map(|_| random.below(16) as Real - 7.5).collect();
             assert_manifold(&clip(&ball, &values));
         }
     }

@@ -7,6 +7,7 @@ use if_core::field::SignedDistance;
 use if_core::math::{Point, Real, Vector};
 use if_core::mesh::TriMesh;
 use if_core::monitor::{Cancelled, Progress, Silent};
+use if_core::random::SplitMix64;
 use if_core::shapes::Sphere;
 use if_core::shapes::meshes::{icosphere, tube};
 use if_mesh::attributes::VertexAttributes;
@@ -110,14 +111,10 @@ fn damaged() -> impl Strategy<Value = TriMesh> {
         Just(tube(0.1, 0.3, 9, 5, true))
     ];
     (whole, any::<u64>(), 0.0..0.5).prop_map(|(mesh, seed, share)| {
-        let mut state = seed | 1;
-        let mut random = || {
-            state = state.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
-            (state >> 33) as Real / f64::from(1u32 << 31)
-        };
+        let mut random = SplitMix64::new(seed);
         let mut triangles = Vec::new();
         for t in mesh.triangles() {
-            let r = random();
+            let r = random.unit();
             match r {
                 r if r < share => {}
                 r if r < share + 0.05 => triangles.push([t[1], t[0], t[2]]),
@@ -128,7 +125,7 @@ fn damaged() -> impl Strategy<Value = TriMesh> {
         let points = mesh
             .vertices()
             .iter()
-            .map(|p| p + Vector::new(random(), random(), random()) * 0.01)
+            .map(|p| p + Vector::new(random.unit(), random.unit(), random.unit()) * 0.01)
             .collect();
         TriMesh::new(points, triangles).unwrap()
     })
@@ -319,13 +316,12 @@ fn a_size_whose_areas_are_no_numbers_is_an_error() {
 fn a_ragged_hem_gets_smooth_and_keeps_its_length() {
     // A tube whose end is cut along triangles, at random.
     let whole = tube(0.15, 0.4, 90, 45, false);
-    let mut state = 5u64;
+    let mut random = SplitMix64::new(5);
     let triangles: Vec<[u32; 3]> = whole
         .triangles()
         .iter()
         .filter(|t| {
-            state = state.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
-            let wave = ((state >> 33) as Real / f64::from(1u32 << 31) - 0.5) * 0.015;
+            let wave = (random.unit() - 0.5) * 0.015;
             let y = t.iter().map(|v| whole.vertices()[*v as usize].y).sum::<Real>() / 3.0;
             y < 0.35 + wave
         })

@@ -273,6 +273,7 @@ mod tests {
     use super::*;
     use if_body::{Joint, Skeleton};
     use if_core::monitor::Silent;
+    use if_core::random::SplitMix64;
     use if_core::shapes::meshes::icosphere;
 
     /// Two balls of 10 cm side by side, 8 cm apart, and what lies between them.
@@ -314,11 +315,8 @@ mod tests {
             assert_eq!(union.distance(&p), union.template.distance(&p), "{p}");
         }
         // Nowhere is it steeper than it says, and it does not jump, also where what is filled ends.
-        let mut state = 9u64;
-        let mut unit = || {
-            state = state.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
-            (state >> 11) as Real / (1u64 << 53) as Real
-        };
+        let mut random = SplitMix64::new(9);
+        let mut unit = || random.unit();
         for _ in 0..2000 {
             let p = Point::new(unit() - 0.5, unit() - 0.5, unit() - 0.5);
             let q = p + Vector::new(unit() - 0.5, unit() - 0.5, unit() - 0.5) * 1e-3;

@@ -2,6 +2,7 @@
 
 use super::{Wardrobe, WardrobeError};
 use crate::asset::{AssetInfo, LayerHint, check_name, is_wearable};
+use if_core::random::SplitMix64;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeSet;
 
@@ -132,7 +133,7 @@ pub fn random(
         .filter(has_body)
         .map(|(name, info)| (name, info.layer))
         .collect();
-    let mut random = Random(params.seed);
+    let mut random = SplitMix64::new(params.seed);
     let mut seen = BTreeSet::new();
     let mut found: Vec<Combination> = Vec::new();
     // About one draw of four garments in a hundred is wearable. After so many unsuccessful draws
@@ -169,22 +170,4 @@ pub fn random(
         return Err(WardrobeError::TooFew { found: found.len(), count, least, most });
     }
     Ok(found)
-}
-
-/// SplitMix64 (Steele, Lea and Flood 2014): reproducible in a few lines.
-struct Random(u64);
-
-impl Random {
-    fn next(&mut self) -> u64 {
-        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let mut z = self.0;
-        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        z ^ (z >> 31)
-    }
-
-    /// Less than `n`, which is above zero. The bias is below n / 2⁶⁴.
-    fn below(&mut self, n: usize) -> usize {
-        ((u128::from(self.next()) * n as u128) >> 64) as usize
-    }
 }
