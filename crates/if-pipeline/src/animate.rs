@@ -18,6 +18,7 @@ mod jitter;
 mod local;
 mod measure;
 mod movement;
+mod moving_outfit;
 mod outfit;
 mod parts;
 mod report;
@@ -34,6 +35,7 @@ pub use error::AnimateError;
 pub use frames::Frames;
 pub use if_outfit::report::{PinchReport, PinchedGarment};
 pub use movement::Movement;
+pub use moving_outfit::MovingOutfit;
 pub use outfit::{SkinFault, SkinnedOutfit};
 pub use report::{AnimationReport, FrameReport, Spread};
 

@@ -9,7 +9,7 @@ use if_core::math::{Point, Real};
 use if_mesh::file::MeshFile;
 use if_outfit::Outfit;
 use if_pipeline::animate::{
-    AnimateError, AnimateParams, BoundOutfit, Movement, SkinnedOutfit, follow,
+    AnimateError, AnimateParams, BoundOutfit, MovingOutfit, SkinnedOutfit, follow,
 };
 use numpy::{PyArray1, PyArray3, PyArrayMethods, PyReadonlyArray2, PyReadonlyArray3};
 use pyo3::exceptions::PyValueError;
@@ -154,7 +154,7 @@ pub(crate) fn animate<'py>(
                 flat.extend(layer.iter().flat_map(|p| p.iter()).map(|x| *x as f32));
             }
         }
-        Ok((done.report, moved.noticed(), counts, positions, done.frames.len()))
+        Ok((done.report, noticed(&moved), counts, positions, done.frames.len()))
     });
     if let (Err(_), Some(temporary)) = (&found, temporary) {
         // The process may end before the work does.
@@ -186,15 +186,9 @@ impl Skin {
     }
 }
 
-/// An outfit with what moves it.
-enum Moved {
-    Poses(Box<SkinnedOutfit>, Motion),
-    Bodies(Box<BoundOutfit>),
-}
-
 impl Moving {
     /// The outfit with what moves it.
-    fn moved(self, outfit: Outfit) -> Result<Moved, Failure> {
+    fn moved(self, outfit: Outfit) -> Result<MovingOutfit, Failure> {
         let body = &outfit.body.mesh;
         let sequence = match self {
             Self::Poses { skeleton, motion, skins } => {
@@ -212,35 +206,21 @@ impl Moving {
                 let skins = skins.into_iter().map(skin).collect::<Result<Vec<_>, _>>()?;
                 let skinned = SkinnedOutfit::new(outfit, skeleton, skins)
                     .map_err(|e| failed(&AnimateError::from(e)))?;
-                return Ok(Moved::Poses(Box::new(skinned), motion));
+                return Ok(MovingOutfit::Poses(Box::new(skinned), motion));
             }
             Self::Folder(folder, rate) => BodySequence::open(&folder, body, rate),
             Self::Positions(frames, rate) => BodySequence::from_positions(frames, body, rate),
         };
         let sequence = sequence.map_err(|e| unusable("motion", &e))?;
         let bound = BoundOutfit::new(outfit, sequence);
-        Ok(Moved::Bodies(Box::new(bound.map_err(|e| failed(&AnimateError::from(e)))?)))
+        Ok(MovingOutfit::Bodies(Box::new(bound.map_err(|e| failed(&AnimateError::from(e)))?)))
     }
 }
 
-impl Moved {
-    fn movement(&self) -> Movement<'_> {
-        match self {
-            Self::Poses(outfit, motion) => Movement::poses(outfit, motion),
-            Self::Bodies(bound) => Movement::bodies(bound),
-        }
-    }
-
-    /// Garments whose weights were taken from the body, and what was noticed.
-    fn noticed(self) -> (Vec<String>, Noticed) {
-        match self {
-            Self::Poses(outfit, motion) => {
-                let misplaced = outfit.misplaced_skeleton();
-                (outfit.without_weights, (motion.unmatched, misplaced, motion.rest_frame))
-            }
-            Self::Bodies(_) => (Vec::new(), (Vec::new(), None, None)),
-        }
-    }
+/// Garments whose weights were taken from the body, and what else was noticed.
+fn noticed(moved: &MovingOutfit) -> (Vec<String>, Noticed) {
+    let (unmatched, misplaced) = (moved.unmatched().to_vec(), moved.misplaced_skeleton());
+    (moved.without_weights().to_vec(), (unmatched, misplaced, moved.rest_frame()))
 }
 
 /// Rows of four.

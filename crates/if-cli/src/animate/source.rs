@@ -7,7 +7,7 @@ use if_body::{BodySequence, Motion, Skeleton};
 use if_mesh::file::{Content, MeshFile};
 use if_outfit::files::OutfitFiles;
 use if_outfit::outfit::Outfit;
-use if_pipeline::animate::{BoundOutfit, Movement, SkinnedOutfit};
+use if_pipeline::animate::{BoundOutfit, MovingOutfit, SkinnedOutfit};
 use std::num::NonZeroUsize;
 use std::ops::Range;
 use std::path::PathBuf;
@@ -40,12 +40,6 @@ const FRAMES_PER_SECOND: f64 = 30.0;
 pub(super) enum Source {
     Poses(Skeleton, Motion),
     Bodies(BodySequence),
-}
-
-/// A clean outfit with what moves it.
-pub(super) enum Moved {
-    Poses(Box<SkinnedOutfit>, Motion),
-    Bodies(Box<BoundOutfit>),
 }
 
 impl Source {
@@ -91,62 +85,23 @@ impl Source {
     }
 
     /// The clean outfit with what moves it.
-    pub(super) fn moved(&self, outfit: Outfit, files: &OutfitFiles) -> Result<Moved, AnimateFault> {
+    pub(super) fn moved(
+        &self,
+        outfit: Outfit,
+        files: &OutfitFiles,
+    ) -> Result<MovingOutfit, AnimateFault> {
         let fault = |source| AnimateFault::Skin { source };
         Ok(match self {
             Self::Poses(skeleton, motion) => {
                 let files = files.files();
                 let outfit = SkinnedOutfit::from_files(outfit, skeleton.clone(), files);
-                Moved::Poses(Box::new(outfit.map_err(fault)?), motion.clone())
+                MovingOutfit::Poses(Box::new(outfit.map_err(fault)?), motion.clone())
             }
             Self::Bodies(sequence) => {
                 let bound = BoundOutfit::new(outfit, sequence.clone()).map_err(fault)?;
-                Moved::Bodies(Box::new(bound))
+                MovingOutfit::Bodies(Box::new(bound))
             }
         })
-    }
-}
-
-impl Moved {
-    pub(super) fn movement(&self) -> Movement<'_> {
-        match self {
-            Self::Poses(outfit, motion) => Movement::poses(outfit, motion),
-            Self::Bodies(bound) => Movement::bodies(bound),
-        }
-    }
-
-    /// Garments whose weights were taken from the body.
-    pub(super) fn without_weights(&self) -> &[String] {
-        match self {
-            Self::Poses(outfit, _) => &outfit.without_weights,
-            Self::Bodies(_) => &[],
-        }
-    }
-
-    /// How far the skeleton lies from the body, if it may be another one's.
-    pub(super) fn misplaced_skeleton(&self) -> Option<f64> {
-        match self {
-            Self::Poses(outfit, _) => outfit.misplaced_skeleton(),
-            Self::Bodies(_) => None,
-        }
-    }
-
-    /// The motion of a skeleton.
-    fn motion(&self) -> Option<&Motion> {
-        match self {
-            Self::Poses(_, motion) => Some(motion),
-            Self::Bodies(_) => None,
-        }
-    }
-
-    /// Joints that the motion lacks.
-    pub(super) fn unmatched(&self) -> &[String] {
-        self.motion().map_or(&[], |motion| &motion.unmatched)
-    }
-
-    /// The frame that stands for the rest pose of the motion.
-    pub(super) fn rest_frame(&self) -> Option<usize> {
-        self.motion()?.rest_frame
     }
 }
 
