@@ -1,5 +1,10 @@
 //! Welding of seams: boundary edges at the same positions, as exporters leave them where texture
-//! coordinates or normals are discontinuous; and of the sides of sheets that are there twice.
+//! coordinates or normals are discontinuous; of the sides of sheets that are there twice; and of parts that
+//! are sewn on.
+
+mod near;
+
+pub use near::{NearSeams, near_seams};
 
 use if_core::edges::{Edges, NONE};
 use if_core::math::Point;
@@ -21,6 +26,11 @@ pub struct Welded {
 }
 
 impl Welded {
+    /// Whether any vertices became one.
+    pub fn joins(&self) -> bool {
+        self.vertex_map.iter().filter(|v| **v != NONE).count() > self.mesh.vertices().len()
+    }
+
     /// For each vertex of `mesh` the first original one.
     pub fn first_of(&self) -> Vec<u32> {
         let mut first = vec![NONE; self.mesh.vertices().len()];
@@ -70,14 +80,46 @@ impl Welded {
 /// # Ok::<(), if_core::mesh::MeshError>(())
 /// ```
 pub fn weld(mesh: &TriMesh) -> Option<Welded> {
+    welded(mesh, join)
+}
+
+/// Welds all vertices at one position, unless a triangle has two corners there: [`weld`], and also what is
+/// sewn on with vertices of its own, as pockets, flaps and linings are, and seams whose sides are oriented
+/// against each other. Edges of the welded mesh may have any number of triangles: it says what moves
+/// together, and bounds no solid.
+///
+/// ```
+/// use if_core::{math::Point, mesh::TriMesh};
+/// // Three triangles at an edge, each with vertices of its own.
+/// let v = [[0., 0., 0.], [1., 0., 0.], [0., 1., 0.], [0., 0., 0.], [1., 0., 0.], [0., -1., 0.],
+///     [0., 0., 0.], [1., 0., 0.], [0., 0., 1.]].map(|p| Point::from(p));
+/// let fin = TriMesh::new(v.to_vec(), vec![[0, 1, 2], [4, 3, 5], [6, 7, 8]])?;
+/// assert!(if_mesh::seams::weld(&fin).is_none());
+/// let welded = if_mesh::seams::weld_all(&fin).unwrap();
+/// assert_eq!(welded.mesh.triangles(), [[0, 1, 2], [1, 0, 3], [0, 1, 4]]);
+/// # Ok::<(), if_core::mesh::MeshError>(())
+/// ```
+pub fn weld_all(mesh: &TriMesh) -> Option<Welded> {
+    welded(mesh, join_all)
+}
+
+/// Welds a mesh as a function of it and the first vertices at all positions joins its vertices.
+fn welded(
+    mesh: &TriMesh,
+    join: impl Fn(&TriMesh, &[u32]) -> (Vec<u32>, usize, usize),
+) -> Option<Welded> {
     let n = mesh.vertices().len();
     let used = mesh.used_vertices();
     let first_at = coincident_vertices(mesh.vertices());
+    let all_used = used.iter().all(|u| *u);
+    if first_at.is_none() && all_used {
+        return None;
+    }
     let (joined, edges, repeated) = match &first_at {
         Some(first_at) => join(mesh, first_at),
         None => ((0..n as u32).collect(), 0, 0),
     };
-    if edges + repeated == 0 && used.iter().all(|u| *u) {
+    if all_used && (0u32..).zip(&joined).all(|(v, first)| v == *first) {
         return None;
     }
     let (mut vertex_map, mut vertices) = (vec![NONE; n], Vec::with_capacity(n));
@@ -174,8 +216,31 @@ fn join(mesh: &TriMesh, first_at: &[u32]) -> (Vec<u32>, usize, usize) {
         }
         repeated += usize::from(is_new);
     }
-    let mut joined = joined.into_firsts();
+    let joined = joined.into_firsts();
     // A needle at the seam may now have two corners in one vertex: such vertices stay separate.
+    let separate: Vec<u32> = (0..joined.len() as u32).collect();
+    (without_needles(mesh, joined, &separate), welded, repeated)
+}
+
+/// [`join`], and then all used vertices at one position.
+fn join_all(mesh: &TriMesh, first_at: &[u32]) -> (Vec<u32>, usize, usize) {
+    let (sewn, edges, repeated) = join(mesh, first_at);
+    let mut joined = UnionFind::new(sewn.len());
+    let mut first_used = vec![NONE; sewn.len()];
+    for (v, is_used) in (0u32..).zip(mesh.used_vertices()) {
+        joined.join(v, sewn[v as usize]);
+        let first = &mut first_used[first_at[v as usize] as usize];
+        if is_used && *first == NONE {
+            *first = v;
+        } else if is_used {
+            joined.join(v, *first);
+        }
+    }
+    (without_needles(mesh, joined.into_firsts(), &sewn), edges, repeated)
+}
+
+/// `joined`, but as they were `before` where a triangle would have two corners in one vertex.
+fn without_needles(mesh: &TriMesh, mut joined: Vec<u32>, before: &[u32]) -> Vec<u32> {
     let mut separate = vec![false; joined.len()];
     for t in mesh.triangles() {
         let [a, b, c] = t.map(|v| joined[v as usize]);
@@ -184,13 +249,11 @@ fn join(mesh: &TriMesh, first_at: &[u32]) -> (Vec<u32>, usize, usize) {
         }
     }
     if separate.contains(&true) {
-        (0..joined.len())
-            .filter(|v| separate[joined[*v] as usize])
-            .collect::<Vec<_>>()
-            .into_iter()
-            .for_each(|v| joined[v] = v as u32);
+        let parted: Vec<usize> =
+            (0..joined.len()).filter(|v| separate[joined[*v] as usize]).collect();
+        parted.into_iter().for_each(|v| joined[v] = before[v]);
     }
-    (joined, welded, repeated)
+    joined
 }
 
 /// The triangles whose three positions, all distinct, are those of an earlier one, and the first of these.
@@ -283,6 +346,51 @@ mod tests {
     }
 
     #[test]
+    fn what_is_sewn_on_is_welded_with_all_the_rest() {
+        // A tube with a strip of its triangles lifted off, which shares the positions of one row of vertices.
+        let sheet = tube(0.5, 1.0, 12, 4, false);
+        let n = sheet.vertices().len() as u32;
+        let strip: Vec<[u32; 3]> =
+            sheet.triangles()[24..48].iter().map(|t| t.map(|v| v + n)).collect();
+        let lifted = |p: &Point| if p.y < 0.3 { *p } else { Point::new(1.1 * p.x, p.y, 1.1 * p.z) };
+        let vertices = sheet.vertices().iter().copied();
+        let vertices = vertices.clone().chain(vertices.map(|p| lifted(&p))).collect();
+        let mesh = TriMesh::new(vertices, [sheet.triangles(), &strip].concat()).unwrap();
+        let apart = weld(&mesh).unwrap();
+        let sewn = weld_all(&mesh).unwrap();
+        assert_eq!(part_count(&apart.mesh), 2);
+        assert_eq!(part_count(&sewn.mesh), 1);
+        assert_eq!(sewn.mesh.vertices().len() + 12, apart.mesh.vertices().len());
+        assert!(sewn.joins() && !apart.joins());
+        // Nothing but what lies at the same position moves together, and a second time there is nothing to do.
+        let moved: Vec<Point> = sewn.mesh.vertices().iter().map(|p| p * 2.0).collect();
+        let unwelded = sewn.unweld(&moved, mesh.vertices());
+        let used = mesh.used_vertices();
+        assert!((0..used.len()).all(|v| !used[v] || unwelded[v] == mesh.vertices()[v] * 2.0));
+        assert_eq!(weld_all(&sewn.mesh), None);
+    }
+
+    #[test]
+    fn where_all_of_a_position_would_crush_a_needle_its_seam_stays_closed() {
+        // Two triangles of a square with a seam, and one with two corners at one end of it.
+        let v = [
+            [0.0, 0.0],
+            [1.0, 0.0],
+            [0.0, 1.0],
+            [1.0, 0.0],
+            [1.0, 1.0],
+            [0.0, 1.0],
+            [1.0, 0.0],
+            [2.0, 0.0],
+        ];
+        let v: Vec<Point> = v.map(|[x, y]| Point::new(x, y, 0.0)).to_vec();
+        let mesh = TriMesh::new(v, vec![[0, 1, 2], [3, 4, 5], [6, 7, 1]]).unwrap();
+        let sewn = weld_all(&mesh).unwrap();
+        assert_eq!(sewn.vertex_map[1], sewn.vertex_map[3], "the seam");
+        assert_ne!(sewn.vertex_map[6], sewn.vertex_map[1], "the needle");
+    }
+
+    #[test]
     fn inconsistently_oriented_sheets_are_not_welded() {
         let v: Vec<Point> = [[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [1.0, 1.0], [2.0, 2.0]]
             .map(|[x, y]| Point::new(x, y, 0.0))
@@ -296,6 +404,7 @@ mod tests {
             .unwrap()
         };
         assert_eq!(weld(&with(&[0, 1, 2, 1, 2, 3])), None, "against each other");
+        assert_eq!(weld_all(&with(&[0, 1, 2, 1, 2, 3])).unwrap().mesh.vertices().len(), 4);
         assert_eq!(weld(&with(&[0, 1, 2, 1, 3, 2])).unwrap().edges, 1);
         assert_eq!(weld(&with(&[0, 1, 2, 1, 3, 2, 1, 4, 2])), None, "three triangles at an edge");
         // A seam of two sheets that are both there twice is one.

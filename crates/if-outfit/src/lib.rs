@@ -45,6 +45,7 @@ pub mod report;
 pub mod resolve;
 mod separating_plane;
 mod settle;
+mod sewn;
 mod splitting;
 pub mod storage;
 pub mod unresolved;

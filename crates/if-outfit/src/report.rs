@@ -495,6 +495,10 @@ pub struct ResolveReport {
     /// of it counts in `after` as well.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub pinch: Option<PinchReport>,
+    /// Seams of garments whose sides did not lie at the same positions: those that were closed, as no more
+    /// than rounding parted them, and those that have opened.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub seams: Vec<SeamReport>,
     /// How layers were moved apart ([`crate::GoalParams::least_distance`]); `None` if they were not.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub moved_apart: Option<MovedApart>,
@@ -505,6 +509,36 @@ pub struct ResolveReport {
     pub clearance_reached: Option<Real>,
     /// Wall time, in seconds.
     pub seconds: Real,
+}
+
+/// A seam of a garment, of boundary edges that run beside others.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[non_exhaustive]
+pub struct SeamReport {
+    /// The garment.
+    pub name: String,
+    /// Number of boundary edges.
+    pub edges: usize,
+    /// The largest distance of the two sides as given, in metres.
+    pub given: Real,
+    /// The same in the result; 0 if the seam was closed.
+    pub now: Real,
+}
+
+impl SeamReport {
+    fn note(&self) -> String {
+        let Self { name, edges, given, now } = self;
+        let given = 1e3 * given;
+        if *now == 0.0 {
+            return format!(
+                "`{name}`: the sides of seams were up to {given:.4} mm apart at {edges} boundary edges, and were joined"
+            );
+        }
+        format!(
+            "`{name}`: {edges} boundary edges lay within {given:.2} mm of others, and are {:.1} mm apart now; if that is a seam, merge its vertices by distance first",
+            1e3 * now
+        )
+    }
 }
 
 impl ResolveReport {
@@ -533,6 +567,7 @@ impl ResolveReport {
     /// deep. `body` is what the body is called.
     pub fn notes(&self, body: &str) -> Vec<String> {
         let mut notes = self.before.notes(body);
+        notes.extend(self.seams.iter().map(SeamReport::note));
         let drawn = self.layers.iter().filter(|layer| layer.strain.p99 > DRAWN);
         notes.extend(drawn.map(|layer| {
             format!(

@@ -9,6 +9,7 @@ use crate::pinch::{draw_back, in_pinches};
 use crate::prepared_body::PreparedBody;
 use crate::report::{ResolveReport, Verification};
 use crate::settle::Settings;
+use crate::sewn::Sewn;
 use crate::splitting;
 use crate::unresolved::Unresolved;
 use crate::verify::{body_own_pairs, verify, verify_result};
@@ -204,7 +205,11 @@ fn resolve_on_body(
 ) -> Result<Resolved, ResolveError> {
     let params = settings.params;
     let start = Instant::now();
-    let mut welded = trace_span!("seams").in_scope(|| Welded::new(outfit));
+    let phase = trace_span!("seams").entered();
+    let sewn = Sewn::new(outfit);
+    let outfit = sewn.outfit.as_ref().unwrap_or(outfit);
+    let mut welded = Welded::new(outfit);
+    drop(phase);
     let solved = welded.as_ref().map_or(outfit, |w| &w.outfit);
     let mut attempt = Attempt::new(solved.clone(), settings, monitor)?;
     let body = &attempt.closed[0];
@@ -236,6 +241,7 @@ fn resolve_on_body(
         verify_result(&mut report, given, &found);
     }
     report.compare_clearance(params.goal.clearance);
+    report.seams = sewn.report(&found);
     if !report.is_proven() && params.goal.pinch == Pinch::Keep {
         report.pinch = in_pinches(&found, &attempt.closed[0], &params.goal);
     }

@@ -12,7 +12,7 @@ use if_core::math::Real;
 use if_core::mesh::TriMesh;
 use if_mesh::index::Bvh;
 use if_mesh::intersections::pairs;
-use if_mesh::seams::weld;
+use if_mesh::seams::weld_all;
 use if_mesh::solid::ClosedLayer;
 use rayon::prelude::*;
 use std::sync::Arc;
@@ -158,7 +158,7 @@ fn verify_over(mesh: &TriMesh, tree: &Bvh, layer: &ClosedLayer) -> LayerFindings
 /// Seams count as closed, as in [`verify`].
 pub(crate) fn compare_own_pairs(given: &TriMesh, now: &TriMesh) -> (OwnPairs, Vec<[u32; 2]>) {
     let find = |mesh: &TriMesh| {
-        let welded = weld(mesh);
+        let welded = weld_all(mesh);
         let mesh = welded.as_ref().map_or(mesh, |welded| &welded.mesh);
         own_of(mesh, &Bvh::new(mesh))
     };

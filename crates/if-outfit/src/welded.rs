@@ -5,12 +5,13 @@ use crate::outfit::{Layer, Outfit};
 use crate::storage::Storage;
 use if_core::math::Point;
 use if_core::mesh::TriMesh;
-use if_mesh::seams::{self, weld};
+use if_mesh::seams::{self, weld, weld_all};
 use if_mesh::split::SplitMesh;
 use rayon::prelude::*;
 
-/// An outfit with the seams of its layers welded ([`weld`]), and the positions of garments rounded to
-/// their storage. Solved open, the seams would gape, and each would be a hem.
+/// An outfit with the seams of its body welded ([`weld`]), all vertices at one position of a garment
+/// ([`weld_all`]), and the positions of garments rounded to their storage. Solved open, seams would gape, and
+/// pockets come off.
 pub(crate) struct Welded {
     pub(crate) outfit: Outfit,
     /// For each garment its welded seams; `None` if it has no seam.
@@ -24,7 +25,7 @@ impl Welded {
             || weld(&outfit.body.mesh),
             || {
                 let prepare = |layer: &Layer| {
-                    let welded = weld(&layer.mesh);
+                    let welded = weld_all(&layer.mesh);
                     let stored = stored(layer, welded.as_ref().map_or(&layer.mesh, |s| &s.mesh));
                     (welded, stored)
                 };
@@ -87,7 +88,7 @@ pub(crate) fn seams_hold(welded: Option<&Welded>, given: &Outfit, found: &Outfit
             return true;
         }
         let was = welded.and_then(|w| w.garments[k].as_ref()).map(|w| &w.vertex_map);
-        weld(&layer.mesh).as_ref().map(|now| &now.vertex_map) == was
+        weld_all(&layer.mesh).as_ref().map(|now| &now.vertex_map) == was
     };
     found.garments.par_iter().enumerate().all(same)
 }

@@ -16,7 +16,7 @@ use if_core::math::{Point, Real, Vector, area_vector, unit_or_zero};
 use if_core::mesh::TriMesh;
 use if_core::rows::Rows;
 use if_mesh::index::Bvh;
-use if_mesh::seams::weld;
+use if_mesh::seams::weld_all;
 use rayon::prelude::*;
 
 /// Rounds of diffusion, one entry for each search of nearest points.
@@ -42,9 +42,10 @@ impl Registered {
     }
 }
 
-/// Registers `source`, whose vertices start at `start`, with `target`. Seams of `source` stay closed.
+/// Registers `source`, whose vertices start at `start`, with `target`. Vertices of `source` at one position stay
+/// together.
 pub(super) fn register(source: &TriMesh, target: &TriMesh, start: Vec<Point>) -> Registered {
-    let Some(welded) = weld(source) else { return register_sewn(source, target, start) };
+    let Some(welded) = weld_all(source) else { return register_sewn(source, target, start) };
     let sewn = welded.first_of().iter().map(|v| start[*v as usize]).collect();
     let found = register_sewn(&welded.mesh, target, sewn);
     Registered { positions: welded.unweld(&found.positions, &start), ..found }

@@ -60,13 +60,14 @@ impl Placed {
         Ok(Self { world, shown, parent, all })
     }
 
-    /// The joints of all skins.
+    /// The joints of all skins: in the order of their list, if all have the same one and parents come first in
+    /// it; else as the scene lists them, parents first.
     pub(super) fn joints(&self, document: &Document) -> Vec<SkinJoint> {
         let mut is_joint = vec![false; document.nodes.len()];
         let of_skins = document.skins.iter().flat_map(|skin| &skin.joints);
         of_skins.for_each(|&node| is_joint.get_mut(node).into_iter().for_each(|is| *is = true));
         let mut place = vec![None; document.nodes.len()];
-        let mut joints = Vec::new();
+        let (mut joints, mut nodes) = (Vec::new(), Vec::new());
         for &node in &self.all {
             // Nodes that are no joint stand for the joint above them.
             let parent = self.parent[node].and_then(|p| place[p]);
@@ -74,10 +75,33 @@ impl Placed {
             if is_joint[node] {
                 place[node] = Some(joints.len());
                 let name = document.nodes[node].name.clone().unwrap_or_default();
+                nodes.push(node);
                 joints.push(SkinJoint { name, parent, place: self.world[node].shift.into() });
             }
         }
+        let Some((first, others)) = document.skins.split_first() else { return joints };
+        if others.iter().any(|skin| skin.joints != first.joints) {
+            return joints;
+        }
+        let mut in_list = vec![None; document.nodes.len()];
+        for (k, &node) in first.joints.iter().enumerate() {
+            in_list.get_mut(node).into_iter().for_each(|at| *at = Some(k));
+        }
+        let listed: Option<Vec<usize>> = nodes.iter().map(|node| in_list[*node]).collect();
+        let Some(listed) = listed else { return joints };
+        let is_one_each = joints.len() == first.joints.len();
+        let comes_after = |(k, joint): (usize, &SkinJoint)| {
+            joint.parent.is_none_or(|parent| listed[parent] < listed[k])
+        };
+        if !is_one_each || !joints.iter().enumerate().all(comes_after) {
+            return joints;
+        }
         joints
+            .iter_mut()
+            .for_each(|joint| joint.parent = joint.parent.map(|parent| listed[parent]));
+        let mut ordered: Vec<(usize, SkinJoint)> = listed.into_iter().zip(joints).collect();
+        ordered.sort_unstable_by_key(|(k, _)| *k);
+        ordered.into_iter().map(|(_, joint)| joint).collect()
     }
 
     /// The nodes of the layer `name`, parents first: the node of this name if it has a mesh, else

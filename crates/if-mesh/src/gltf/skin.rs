@@ -138,10 +138,15 @@ impl Data<'_> {
             });
         }
         let accessor = self.primitive(at).attributes.get("WEIGHTS_0").copied().unwrap_or_default();
+        let mut slots: Vec<(usize, Real)> = Vec::new();
         let blend = |element: usize| {
             let mut sum = 0.0;
             let mut map = Affine { linear: Default::default(), shift: Vector::zeros() };
-            for (joint, weight) in skinned.of(element) {
+            // In one order, so that both sides of a seam get the same bits.
+            slots.clear();
+            slots.extend(skinned.of(element));
+            slots.sort_by(|a, b| a.0.cmp(&b.0).then(a.1.total_cmp(&b.1)));
+            for &(joint, weight) in &slots {
                 map.linear += joints[joint].linear * weight;
                 map.shift += joints[joint].shift * weight;
                 sum += weight;

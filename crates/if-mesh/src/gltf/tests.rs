@@ -6,6 +6,7 @@ mod forms;
 mod invalid;
 
 /// Builds files with two triangles of four corners each.
+#[derive(Clone)]
 struct Builder {
     document: Value,
     bin: Vec<u8>,
@@ -235,6 +236,63 @@ fn joints_and_morph_targets_place_vertices_and_are_undone() {
         assert!((v - moved).norm() < 1e-6, "{v}");
     }
     assert_eq!(again.mesh().vertices(), glb.positions_as_written(&moved));
+}
+
+#[test]
+fn vertices_of_the_same_weights_in_another_order_lie_at_the_same_place() {
+    let mut builder = Builder::new();
+    builder.square(0.0, json!({"skin": 0}));
+    let place = builder.floats("VEC3", 4, [[0.3, 0.1, 0.7]; 4].as_flattened());
+    let joints = [[0, 1, 2, 0], [2, 1, 0, 0], [1, 2, 0, 0], [0, 2, 1, 0]];
+    let shares: [f32; 3] = [0.1, 0.27, 0.63];
+    let weights =
+        joints.map(|j| [0, 1, 2, 3].map(|k| if k < 3 { shares[j[k] as usize] } else { 0.0 }));
+    let joints = builder.accessor("VEC4", 5121, 4, joints.as_flattened());
+    let weights = builder.floats("VEC4", 4, weights.as_flattened());
+    let turn = |angle: f64| [0.0, 0.0, (angle / 2.0).sin(), (angle / 2.0).cos()];
+    let nodes = [0.1, 0.37, 1.3]
+        .map(|a| builder.node(json!({"rotation": turn(a), "translation": [a, 1, 0]})));
+    builder.document["skins"] = json!([{"joints": nodes}]);
+    let attributes = &mut builder.document["meshes"][0]["primitives"][0]["attributes"];
+    attributes["POSITION"] = json!(place);
+    attributes["JOINTS_0"] = json!(joints);
+    attributes["WEIGHTS_0"] = json!(weights);
+    let glb = builder.read().unwrap();
+    let first = glb.mesh().vertices()[0];
+    assert!(glb.mesh().vertices().iter().all(|p| *p == first), "{:?}", glb.mesh().vertices());
+}
+
+#[test]
+fn joints_are_numbered_as_in_the_one_list_of_skins() {
+    let mut builder = Builder::new();
+    builder.square(0.0, json!({}));
+    let mut below = |node: Value| builder.push("nodes", node);
+    let [foot, hand] = ["foot", "hand"].map(|name| below(json!({"name": name})));
+    let leg = below(json!({"name": "leg", "children": [foot]}));
+    let arm = below(json!({"name": "arm", "children": [hand]}));
+    let hips = builder.node(json!({"name": "hips", "children": [leg, arm]}));
+    let order = |skins: Value| {
+        let mut builder = builder.clone();
+        builder.document["skins"] = skins;
+        let joints = builder.read().unwrap().joints().to_vec();
+        assert!(joints.iter().enumerate().all(|(k, j)| j.parent.is_none_or(|p| p < k)));
+        joints.into_iter().map(|joint| joint.name).collect::<Vec<_>>()
+    };
+    // Breadth first, as many exporters list them.
+    let list = json!([hips, arm, leg, foot, hand]);
+    let expected = ["hips", "arm", "leg", "foot", "hand"];
+    assert_eq!(order(json!([{"joints": list}, {"joints": list}])), expected);
+    let as_the_scene = ["hips", "leg", "foot", "arm", "hand"];
+    assert_eq!(
+        order(json!([{"joints": [hand, hips, arm, leg, foot]}])),
+        as_the_scene,
+        "a child first"
+    );
+    assert_eq!(
+        order(json!([{"joints": list}, {"joints": [hips, leg]}])),
+        as_the_scene,
+        "two lists"
+    );
 }
 
 #[test]

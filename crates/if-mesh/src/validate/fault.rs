@@ -49,7 +49,7 @@ pub enum Fault {
     PartInsideOut { triangle: usize, triangles: usize, volume: Real },
     /// Vertices have equal positions: an open seam, or vertices that an exporter has split.
     #[error(
-        "{count} vertices lie exactly on others ({}); merge them unless they are an open seam",
+        "{count} vertices lie exactly on others ({}); those of a garment move as one",
         list(vertices)
     )]
     Duplicates { count: usize, vertices: Vec<u32> },
@@ -60,10 +60,7 @@ pub enum Fault {
     )]
     BowTies { count: usize, vertices: Vec<u32> },
     /// Vertices belong to no triangle.
-    #[error(
-        "{count} vertices belong to no triangle ({}); they are kept and do not move",
-        list(vertices)
-    )]
+    #[error("{count} vertices belong to no triangle ({}), and do not move", list(vertices))]
     Unused { count: usize, vertices: Vec<u32> },
     /// The size is impossible for a person in metres.
     #[error("{} units high: {unit}", thousands(*height))]

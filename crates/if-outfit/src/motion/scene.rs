@@ -2,12 +2,12 @@
 
 use super::params::WalkParams;
 use crate::outfit::Outfit;
-use if_core::edges::{NONE, parts};
+use if_core::edges::parts;
 use if_core::math::{Point, Real, area_vector};
 use if_core::mesh::TriMesh;
 use if_mesh::body_surface::turned_outwards;
 use if_mesh::intersections::Fans;
-use if_mesh::seams::weld;
+use if_mesh::seams::{Welded, weld, weld_all};
 use std::collections::{HashMap, HashSet};
 
 /// Area of a vertex whose mass is 1, in m²: a vertex of a mesh with edges of about 10 mm. Only the
@@ -55,9 +55,10 @@ impl Scene {
         let mut doubled = Vec::new();
         let turned = turned_outwards(&outfit.body.mesh);
         let body = turned.as_ref().unwrap_or(&outfit.body.mesh);
-        for mesh in [body].into_iter().chain(outfit.garments.iter().map(|g| &g.mesh)) {
+        let garments = outfit.garments.iter().map(|g| (&g.mesh, weld_all(&g.mesh)));
+        for (mesh, welded) in [(body, weld(body))].into_iter().chain(garments) {
             let first = vertices.len() as u32;
-            let kept = kept_vertices(mesh);
+            let kept = welded.filter(Welded::joins).map(|w| kept_vertices(&w));
             vertices.extend_from_slice(mesh.vertices());
             let moved = |v: u32| first + kept.as_ref().map_or(v, |kept| kept[v as usize]);
             triangles.extend(mesh.triangles().iter().map(|t| t.map(moved)));
@@ -189,21 +190,15 @@ impl Scene {
     }
 }
 
-/// For each vertex the one that stands for it once seams are welded; `None` if there is no seam.
-fn kept_vertices(mesh: &TriMesh) -> Option<Vec<u32>> {
-    let welded = weld(mesh).filter(|welded| welded.edges + welded.repeated > 0)?;
-    let mut first = vec![NONE; welded.mesh.vertices().len()];
-    let kept = |(v, to): (usize, &u32)| match first.get_mut(*to as usize) {
-        Some(first) => {
-            if *first == NONE {
-                *first = v as u32;
-            }
-            *first
-        }
+/// For each vertex the one that stands for it once seams are welded.
+fn kept_vertices(welded: &Welded) -> Vec<u32> {
+    let first = welded.first_of();
+    let kept = |(v, to): (usize, &u32)| match first.get(*to as usize) {
+        Some(first) => *first,
         // Of no triangle.
         None => v as u32,
     };
-    Some(welded.vertex_map.iter().enumerate().map(kept).collect())
+    welded.vertex_map.iter().enumerate().map(kept).collect()
 }
 
 fn sorted(a: u32, b: u32) -> [u32; 2] {
