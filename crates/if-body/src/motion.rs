@@ -109,12 +109,21 @@ impl Motion {
     /// # Errors
     ///
     /// [`MotionError`], with the index of the frame or joint, or the line.
-    pub fn read(mut reader: impl Read, skeleton: &Skeleton) -> Result<Self, MotionError> {
+    pub fn read(reader: impl Read, skeleton: &Skeleton) -> Result<Self, MotionError> {
+        Self::read_as(reader, skeleton, false)
+    }
+
+    /// The same; what `is_bvh` is no JSON, whatever it begins with.
+    fn read_as(
+        mut reader: impl Read,
+        skeleton: &Skeleton,
+        is_bvh: bool,
+    ) -> Result<Self, MotionError> {
         let mut bytes = Vec::new();
         reader.read_to_end(&mut bytes)?;
         let text = str::from_utf8(&bytes).map_err(|_| MotionError::Text)?;
         let text = text.trim_start_matches('\u{feff}');
-        if text.trim_start().starts_with("HIERARCHY") {
+        if is_bvh || text.trim_start().starts_with("HIERARCHY") {
             Self::from_bvh(text, skeleton)
         } else {
             Self::from_json(text, skeleton)
@@ -186,13 +195,15 @@ impl Motion {
         writer.write_all(b"\n")
     }
 
-    /// Reads the file at `path`.
+    /// Reads the file at `path`, as BVH if its extension says so.
     ///
     /// # Errors
     ///
     /// As [`Motion::read`].
     pub fn read_path(path: &Path, skeleton: &Skeleton) -> Result<Self, MotionError> {
-        Self::read(opened(path)?, skeleton)
+        let is_bvh =
+            path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("bvh"));
+        Self::read_as(opened(path)?, skeleton, is_bvh)
     }
 
     /// The frames of a range, at the same rate.

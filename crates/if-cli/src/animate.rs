@@ -17,7 +17,7 @@ pub(crate) use self::source::SourceArgs;
 use crate::cancel;
 use crate::end::End;
 use crate::errors;
-use crate::inputs::{InputArgs, Order, ParamArgs, PinchArg};
+use crate::inputs::{InputArgs, Order, ParamArgs, PinchArg, given_twice};
 use crate::load::{self, LoadError};
 use crate::order;
 use crate::outfit_file::{OutfitSpec, outfits};
@@ -280,6 +280,9 @@ pub(crate) fn animated(spec: &OutfitSpec, args: &Options) -> Result<End, Report>
 
 /// The parameters of the motion.
 fn params(args: &AnimateArgs) -> Result<AnimateParams, AnimateFault> {
+    if let Some(name) = given_twice(&args.motion_set, &["pinch", "body_depth"]) {
+        return Err(AnimateFault::Twice { name: name.to_owned() });
+    }
     let (pinch, body_depth) = (args.pinch.into(), args.body_depth);
     let params = AnimateParams { pinch, body_depth, ..AnimateParams::default() };
     let params = args

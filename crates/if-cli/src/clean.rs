@@ -35,7 +35,7 @@ use std::time::Instant;
 
 #[derive(Args, Debug, Clone)]
 pub(crate) struct CleanArgs {
-    /// The garment (.ply, .obj, .glb, .gltf), in metres.
+    /// The garment (.ply, .obj, .glb, .vrm, .gltf), in metres.
     #[arg(value_name = "MESH")]
     pub(crate) file: PathBuf,
     /// The clean garment (.ply), with all properties of the vertices.

@@ -41,7 +41,7 @@ use std::path::{Path, PathBuf};
 
 #[derive(Args, Debug, Clone)]
 pub(crate) struct ExtractArgs {
-    /// The field: a closed mesh (.ply, .obj, .glb, .gltf), whose signed distance it is, or a network that `ifg
+    /// The field: a closed mesh (.ply, .obj, .glb, .vrm, .gltf), whose signed distance it is, or a network that `ifg
     /// fit` wrote (.safetensors).
     #[arg(value_name = "FIELD")]
     pub(crate) field: PathBuf,

@@ -30,7 +30,7 @@ use std::time::Instant;
 
 #[derive(Args, Debug, Clone)]
 pub(crate) struct FitArgs {
-    /// The mesh (.ply, .obj, .glb, .gltf), in metres, wound outwards. Of an open mesh, such as a scan, the
+    /// The mesh (.ply, .obj, .glb, .vrm, .gltf), in metres, wound outwards. Of an open mesh, such as a scan, the
     /// vertices are fitted as points with normals: noise is averaged and holes are closed.
     #[arg(value_name = "MESH")]
     pub(crate) mesh: PathBuf,

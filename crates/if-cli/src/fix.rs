@@ -3,9 +3,9 @@
 use crate::batch_inputs::BatchInputs;
 use crate::cancel;
 use crate::end::End;
-use crate::inputs::{InputArgs, Order, ParamArgs, PinchArg};
+use crate::inputs::{InputArgs, Order, ParamArgs, PinchArg, given_twice};
 use crate::order;
-use crate::outfit_file::{OutfitSpec, outfits};
+use crate::outfit_file::{OutfitSpec, SpecError, outfits};
 use crate::output_error::OutputError;
 use crate::outputs;
 use crate::print::print;
@@ -14,6 +14,7 @@ use crate::report_output::{self, Style};
 use crate::resolve_outfit::{self, Options};
 use crate::shard::Shard;
 use crate::shared_body::SharedBody;
+use crate::table::counted;
 use clap::Args;
 use miette::Report;
 use std::collections::HashMap;
@@ -91,7 +92,7 @@ pub(crate) fn run(args: &FixArgs) -> Result<End, Report> {
         let name = report_output::name(&spec, &args.input.files[k]);
         let one = spec.map_err(Report::from).and_then(|spec| {
             let line = Line::new(&spec.name, done, n);
-            let spec = with_pinch(spec, args.pinch);
+            let spec = with_pinch(spec, args)?;
             let spec = match args.input.order {
                 Order::Given => spec,
                 Order::Auto => order::ordered(&spec)?,
@@ -113,11 +114,14 @@ pub(crate) fn run(args: &FixArgs) -> Result<End, Report> {
     Ok(ends.into_iter().max().unwrap_or(End::Clean))
 }
 
-fn with_pinch(mut spec: OutfitSpec, pinch: Option<PinchArg>) -> OutfitSpec {
-    if let Some(pinch) = pinch {
+fn with_pinch(mut spec: OutfitSpec, args: &FixArgs) -> Result<OutfitSpec, SpecError> {
+    if let Some(pinch) = args.pinch {
+        if let Some(name) = given_twice(&args.params.set, &["pinch"]) {
+            return Err(SpecError::Twice { name: name.to_owned() });
+        }
         spec.params.goal.pinch = pinch.into();
     }
-    spec
+    Ok(spec)
 }
 
 /// Where each outfit goes: `--out` for one, a folder in it for each of several.
@@ -150,7 +154,8 @@ fn summary(ends: &[End], outfits: usize, seconds: f64) -> String {
     let (clean, not_clean, unusable) = (of(End::Clean), of(End::NotClean), of(End::Unusable));
     let undone = outfits - clean - not_clean - unusable;
     format!(
-        "{outfits} outfits: {clean} clean, {not_clean} not clean, {unusable} unusable, {undone} not done; \
-         {seconds:.1} s\n"
+        "{}: {clean} clean, {not_clean} not clean, {unusable} unusable, {undone} not done; \
+         {seconds:.1} s\n",
+        counted(outfits, "outfit")
     )
 }

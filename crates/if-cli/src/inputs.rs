@@ -8,7 +8,8 @@ use std::path::PathBuf;
 /// Which outfits.
 #[derive(Args, Debug, Clone)]
 pub(crate) struct InputArgs {
-    /// Outfit files (.toml); or, with --body, the garments (.ply, .obj, .glb, .gltf), innermost first.
+    /// Outfit files (.toml), of which `animate` takes one; or, with --body, the garments (.ply, .obj, .glb, .vrm,
+    /// .gltf), innermost first.
     #[arg(required = true, value_name = "FILES")]
     pub(crate) files: Vec<PathBuf>,
     /// The body, in metres. It may be open or in several parts.
@@ -61,6 +62,34 @@ pub(crate) struct ParamArgs {
     /// once.
     #[arg(long, value_name = "KEY=VALUE", value_parser = assignment)]
     pub(crate) set: Vec<(String, toml::Value)>,
+}
+
+impl ParamArgs {
+    /// The options that are given and stand for parameters of these names.
+    pub(crate) fn options(&self) -> Vec<&'static str> {
+        let given = [
+            ("clearance", self.clearance.is_some()),
+            ("least_distance", self.least_distance.is_some()),
+            ("own", self.own.is_some()),
+            ("method", self.method.is_some()),
+        ];
+        given.into_iter().filter(|(_, is_given)| *is_given).map(|(name, _)| name).collect()
+    }
+}
+
+/// The first parameter that an assignment and one of these options gives, or two assignments give.
+pub(crate) fn given_twice<'a>(
+    set: &'a [(String, toml::Value)],
+    options: &[&str],
+) -> Option<&'a str> {
+    let names: Vec<&str> = set.iter().map(|(key, _)| last_part(key)).collect();
+    let is_known = |k: usize| options.contains(&names[k]) || names[..k].contains(&names[k]);
+    (0..names.len()).find(|k| is_known(*k)).map(|k| names[k])
+}
+
+/// The name of a parameter without that of its group.
+pub(crate) fn last_part(key: &str) -> &str {
+    key.rsplit('.').next().unwrap_or(key)
 }
 
 /// [`Pinch`] as an argument.

@@ -1,6 +1,6 @@
 //! The layers and parameters of outfits: from an outfit file (TOML, `docs/reference/outfit.md`) or from the command line.
 
-use crate::inputs::{InputArgs, ParamArgs};
+use crate::inputs::{InputArgs, ParamArgs, given_twice, last_part};
 use if_mesh::file::file_and_node;
 use if_mesh::regular_file;
 use if_outfit::NamedParameterError;
@@ -153,15 +153,21 @@ pub(crate) enum SpecError {
     #[error("`{}` is an outfit file; it names its own body", path.display())]
     #[diagnostic(
         code(ifg::arguments::body),
-        help("leave out --body, or give garment meshes (.ply, .obj, .glb, .gltf)")
+        help("leave out --body, or give garment meshes (.ply, .obj, .glb, .vrm, .gltf)")
     )]
     TwoBodies { path: PathBuf },
     #[error("`{}` names no file", path.display())]
     #[diagnostic(
         code(ifg::arguments::file_name),
-        help("give the path of a mesh file (.ply, .obj, .glb, .gltf)")
+        help("give the path of a mesh file (.ply, .obj, .glb, .vrm, .gltf)")
     )]
     NoFileName { path: PathBuf },
+    #[error("parameter `{name}` is given twice on the command line")]
+    #[diagnostic(
+        code(ifg::arguments::parameter),
+        help("give it once, by --set or by the option of its name")
+    )]
+    Twice { name: String },
     #[error(transparent)]
     #[diagnostic(
         code(ifg::arguments::parameter),
@@ -265,7 +271,7 @@ pub(crate) fn read(path: &Path) -> Result<OutfitSpec, SpecError> {
         let at = key.span().start..value.span().end;
         let fields = value.get_ref().as_table().map(|fields| fields.keys().collect::<Vec<_>>());
         for name in fields.unwrap_or_else(|| vec![key.get_ref()]) {
-            let name = name.rsplit('.').next().unwrap_or(name);
+            let name = last_part(name);
             if !given.insert(name.to_owned()) {
                 return Err(syntax(format!("parameter `{name}` is given twice"), Some(at)));
             }
@@ -308,6 +314,9 @@ pub(crate) fn override_params(
     params: &ResolveParams,
     args: &ParamArgs,
 ) -> Result<ResolveParams, SpecError> {
+    if let Some(name) = given_twice(&args.set, &args.options()) {
+        return Err(SpecError::Twice { name: name.to_owned() });
+    }
     let mut params = params.clone();
     for (key, value) in &args.set {
         params = params.with(key, value).map_err(SpecError::Parameter)?;

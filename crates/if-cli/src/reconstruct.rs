@@ -42,7 +42,7 @@ pub(crate) struct ReconstructArgs {
     /// The capture: a folder as docs/reference/capture.md specifies it.
     #[arg(value_name = "CAPTURE")]
     pub(crate) capture: PathBuf,
-    /// The template body: a folder with body_clean.ply and skeleton.json.
+    /// The template body: a folder with body_clean.ply, or body.ply, and skeleton.json.
     #[arg(long, value_name = "DIR")]
     pub(crate) body: PathBuf,
     /// The wardrobe that gets the body and the garments; the clothed person and a report go to

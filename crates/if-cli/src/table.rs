@@ -450,6 +450,11 @@ pub(crate) fn count(value: usize) -> String {
     text
 }
 
+/// How many of a thing there are, such as `1 frame` or `84 frames`.
+pub(crate) fn counted(value: usize, thing: &str) -> String {
+    format!("{} {thing}{}", count(value), if value == 1 { "" } else { "s" })
+}
+
 fn millimetres(metres: f64) -> String {
     format!("{:.2}", metres * 1e3)
 }

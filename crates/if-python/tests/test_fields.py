@@ -26,6 +26,22 @@ def test_a_network_is_fitted_stored_and_extracted(body, tmp_path):
     assert 0.85 * BALL < radius.min() <= radius.max() < 1.1 * BALL
 
 
+@pytest.mark.parametrize(
+    ("given", "seconds"),
+    [({}, 60.0), ({"accuracy": 1e-3}, 600.0), ({"steps": 3, "accuracy": 1e-3}, None)],
+)
+def test_a_fit_takes_as_long_as_the_program_lets_it(body, monkeypatch, given, seconds):
+    taken = []
+
+    def fit(mesh, steps, limit, *others):
+        taken.append(limit)
+        return b"", "{}"
+
+    monkeypatch.setattr(ifgarments._fields._native, "fit", fit)
+    ifgarments.fit(body, **given)
+    assert taken == [seconds]
+
+
 def test_numbers_and_arrays_of_numpy_are_taken(body):
     phase = [0.25, 0.5, 0.75]
     wanted, _ = ifgarments.extract(body, cell=0.0625, params={"phase": phase, "newton": 2})

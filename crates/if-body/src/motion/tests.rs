@@ -468,6 +468,13 @@ fn invalid_bvh_files_are_errors_that_name_the_place() {
     }
     let text = [good.split("Frames").next().unwrap(), "Frames: 0\nFrame Time: 1\n"].concat();
     assert!(matches!(Motion::read(text.as_bytes(), &skeleton), Err(MotionError::Empty)));
+    // A file that is named so is BVH, even if it is empty.
+    for (text, expected) in
+        [("", "HIERARCHY"), ("Hierarchy\nROOT hips", "the name of a joint and {")]
+    {
+        let found = Motion::read_as(text.as_bytes(), &skeleton, true).unwrap_err().to_string();
+        assert!(found.contains(expected), "{found}");
+    }
     // A deep file does not exhaust the stack.
     let deep: String = (0..100_000).map(|k| format!("JOINT j{k} {{ OFFSET 0 0 0\n")).collect();
     let text = format!("HIERARCHY ROOT a {{ OFFSET 0 0 0\n{deep}");

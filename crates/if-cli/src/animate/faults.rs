@@ -67,6 +67,14 @@ pub(super) enum AnimateFault {
     #[error("{what} has no use for {option}")]
     #[diagnostic(code(ifg::arguments::no_use), help("leave {option} out"))]
     NoUse { what: &'static str, option: &'static str },
+    #[error(
+        "parameter `{name}` of the motion is given twice, or by --motion-set beside its own option"
+    )]
+    #[diagnostic(
+        code(ifg::arguments::parameter),
+        help("give it once; pinch and body_depth have the options --pinch and --body-depth")
+    )]
+    Twice { name: String },
     #[error(transparent)]
     #[diagnostic(
         code(ifg::arguments::parameter),

@@ -4,6 +4,7 @@ use super::pictures::{STRIP, meshes};
 use super::{AnimateFault, summary};
 use crate::output_error::OutputError;
 use crate::staging::Staging;
+use crate::table::counted;
 use if_outfit::outfit::Outfit;
 use if_pipeline::animate::{Animation, IntervalReport};
 use if_render::{Page, Viewer};
@@ -36,8 +37,10 @@ pub(super) fn write(
     }
     let mut page = Page::new(&format!("{}, in motion", title));
     let verdict = format!(
-        "{frames} frames: {} clean, {} clean everywhere",
-        report.clean, report.clean_everywhere
+        "{}: {} clean, {} clean everywhere",
+        counted(frames, "frame"),
+        report.clean,
+        report.clean_everywhere
     );
     page.verdict(report.clean == frames, &verdict);
     if !names.is_empty() {

@@ -1,6 +1,6 @@
 //! The table of an animation.
 
-use crate::table::{self, count, new_table};
+use crate::table::{self, count, counted, new_table};
 use comfy_table::Cell;
 use if_pipeline::animate::{AnimationReport, FrameReport, IntervalReport, PinchReport};
 use std::cmp::Reverse;
@@ -58,9 +58,9 @@ pub(super) fn text(
     let between = between.map_or(String::new(), between_text);
     let (pinches, let_go, noticed) = (pinches(frames), let_go(frames), noticed(&notes));
     format!(
-        "{rows}\n\n{pinches}{let_go}{between}{noticed}{} frames: {} clean, {} clean everywhere; body at most {:.1} mm, {:.0} mm from its overlaps, jitter p99 {:.2} mm, \
+        "{rows}\n\n{pinches}{let_go}{between}{noticed}{}: {} clean, {} clean everywhere; body at most {:.1} mm, {:.0} mm from its overlaps, jitter p99 {:.2} mm, \
          at most {:.1} mm, shake p99 {:.2} mm; {:.2} s a frame, {:.1} s in all{kept}\nWrote {}: {}\n",
-        count(frames.len()),
+        counted(frames.len(), "frame"),
         count(report.clean),
         count(report.clean_everywhere),
         1e3 * report.body_max,

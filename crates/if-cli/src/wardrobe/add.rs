@@ -28,18 +28,18 @@ pub(crate) struct AddArgs {
     /// The wardrobe's folder; made where it is missing.
     #[arg(value_name = "WARDROBE")]
     pub(crate) root: PathBuf,
-    /// Garments (.ply, .obj, .glb, .gltf) in the canonical pose of the body, in metres or with --scale. Each is
+    /// Garments (.ply, .obj, .glb, .vrm, .gltf) in the canonical pose of the body, in metres or with --scale. Each is
     /// called after its file.
     #[arg(value_name = "GARMENTS", required_unless_present = "mesh")]
     pub(crate) garments: Vec<PathBuf>,
     /// The body that the garments were made on.
     #[arg(long, value_name = "NAME")]
     pub(crate) body: String,
-    /// Adds the body, with this mesh (.ply, .obj, .glb, .gltf), in metres or with
+    /// Adds the body, with this mesh (.ply, .obj, .glb, .vrm, .gltf), in metres or with
     /// --scale; it may be open.
     #[arg(long, value_name = "FILE")]
     pub(crate) mesh: Option<PathBuf>,
-    /// A mesh (.ply, .obj, .glb, .gltf) of the same body whose topology other bodies share.
+    /// A mesh (.ply, .obj, .glb, .vrm, .gltf) of the same body whose topology other bodies share.
     #[arg(long, value_name = "FILE", requires = "mesh")]
     pub(crate) template: Option<PathBuf>,
     /// Its joints: skeleton.json, or a glTF file with a skin.

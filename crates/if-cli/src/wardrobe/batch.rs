@@ -9,7 +9,7 @@ use crate::inputs::ParamArgs;
 use crate::print::{print, print_json};
 use crate::progress;
 use crate::shard::Shard;
-use clap::Args;
+use clap::{ArgGroup, Args};
 use if_mesh::regular_file;
 use if_pipeline::wardrobe::batch::{self, BatchParams, Event, shard_folder};
 use if_pipeline::wardrobe::combination::{Combination, Combinations, Order, RandomParams, random};
@@ -24,6 +24,7 @@ use std::sync::{Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
 #[derive(Args, Debug)]
+#[command(group(ArgGroup::new("combinations").required(true).args(["list", "random"])))]
 pub(crate) struct BatchArgs {
     /// The wardrobe's folder.
     #[arg(value_name = "WARDROBE")]
@@ -32,12 +33,7 @@ pub(crate) struct BatchArgs {
     #[arg(short, long, value_name = "DIR")]
     pub(crate) out: PathBuf,
     /// A list of combinations (.toml or .json).
-    #[arg(
-        long,
-        value_name = "FILE",
-        required_unless_present = "random",
-        conflicts_with = "random"
-    )]
+    #[arg(long, value_name = "FILE")]
     pub(crate) list: Option<PathBuf>,
     /// Draw this many combinations.
     #[arg(long, value_name = "N")]

@@ -302,7 +302,7 @@ fn a_bvh_file_of_legs_moves_the_legs() {
         .ifg("animate --body doll/body_clean.ply doll/trousers.ply --motion doll/raise.bvh --out raised --strict --meshes --no-pictures")
         .expect(0);
     for words in
-        ["1 frames: 1 clean, 1 clean everywhere", "lacks, which follow their parents: spine, head"]
+        ["1 frame: 1 clean, 1 clean everywhere", "lacks, which follow their parents: spine, head"]
     {
         assert!(run.stdout.contains(words), "{words}\n{}", run.stdout);
     }

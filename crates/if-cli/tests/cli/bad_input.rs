@@ -217,6 +217,15 @@ fn arguments_at_fault() {
         &["clearence", "goal.clearance"],
     );
     fails(&folder, "check outfit.toml --threads 0", &["--threads"]);
+    for given in [
+        "--own keep --set own=remove",
+        "--clearance 1mm --set goal.clearance=0.001",
+        "--set rounds=40 --set effort.rounds=50",
+        "--pinch keep --set pinch=yield",
+    ] {
+        let twice = format!("fix --body body.ply skirt.ply {given} --out fixed");
+        fails(&folder, &twice, &["is given twice on the command line"]);
+    }
 }
 
 #[test]

@@ -78,7 +78,7 @@ def fit(
         mesh: closed; or open, then its vertices and normals are fitted.
         path: where the safetensors file is written, if anywhere.
         steps: steps at most. Without ``seconds``, two runs give the same bits.
-        seconds: time at most. One minute if neither steps nor seconds are given.
+        seconds: time at most. One minute if neither steps nor seconds are given, ten with an accuracy.
         accuracy: stop at this mean error near the surface, in metres.
         threads: as in :func:`resolve`.
         progress: as in :func:`resolve`.
@@ -91,7 +91,7 @@ def fit(
         ValueError, TypeError: the mesh has no outside, or is no mesh.
     """
     if steps is None and seconds is None:
-        seconds = 60.0
+        seconds = 60.0 if accuracy is None else 600.0
     arguments = (
         read(mesh, "mesh", "mesh").native(),
         None if steps is None else whole(steps, "steps", 0, 2**63 - 1),
