@@ -6,7 +6,8 @@
 
 Scenes: hair cap below a hat; scarf of one and a half turns over T-shirt and coat; bag with a strap across the trunk
 over T-shirt and cardigan; jacket of two sheets joined at their rims, filled with 8 mm of padding, over a T-shirt; buttons
-and a zip's slider as loose parts of a blouse; all of it at once. Every shape is placed by the body's joints, and deliberately a few
+and a zip's slider as loose parts of a blouse; garments as exporters leave them ("sewn"): jeans whose halves differ by rounding at
+the seam between, a T-shirt with two pockets on vertices of their own, a cardigan whose halves are wound against each other; all of it at once. Every shape is placed by the body's joints, and deliberately a few
 millimetres too tight. Prints for each scene: state, processor seconds, pairs before and after, own pairs, motion and strain.
 Needs numpy, scipy and meshio.
 """
@@ -203,6 +204,34 @@ class Scene:
         return joined(*parts)
 
 
+def halves(garment, noise=0.0, turned=False):
+    """The garment with the triangles of its left half on vertices of their own, off by `noise`, or wound the other way."""
+    points, triangles = garment
+    is_left = points[triangles].mean(1)[:, 0] > 0
+    own, number = np.unique(triangles[is_left], return_inverse=True)
+    left = number.reshape(-1, 3)
+    off = noise * np.random.default_rng(1).uniform(-1, 1, (len(own), 3))
+    used, number = np.unique(triangles[~is_left], return_inverse=True)
+    return joined((points[used], number.reshape(-1, 3)), (points[own] + off, left[:, ::-1] if turned else left))
+
+
+def pockets(garment):
+    """The garment with two patches of 10 cm on the chest, 2 mm off, and sewn on: their rims have vertices at the positions of the garment's."""
+    points, triangles = garment
+    out = normals(points, triangles)
+    parts = [garment]
+    for x in (-0.07, 0.07):
+        place = np.array([x, np.percentile(points[:, 1], 60), points[:, 2].max()])
+        middle = points[cKDTree(points).query(place)[1]]
+        patch = triangles[(np.linalg.norm(points[triangles] - middle, axis=2) < 0.05).all(1)]
+        edges = np.sort(np.concatenate([patch[:, [0, 1]], patch[:, [1, 2]], patch[:, [2, 0]]]), axis=1)
+        edges, count = np.unique(edges, axis=0, return_counts=True)
+        used, number = np.unique(patch, return_inverse=True)
+        lift = np.where(np.isin(used, edges[count == 1]), 0, 2e-3)
+        parts.append((points[used] + out[used] * lift[:, None], number.reshape(-1, 3)))
+    return joined(*parts)
+
+
 def cuboid(middle, half):
     corners = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)]) * half + middle
     triangles = [(0, 1, 3), (0, 3, 2), (4, 6, 7), (4, 7, 5), (0, 4, 5), (0, 5, 1), (2, 3, 7), (2, 7, 6), (0, 2, 6), (0, 6, 4), (1, 5, 7), (1, 7, 3)]
@@ -217,6 +246,7 @@ def scenes(scene):
     yield "bag", {"tshirt": tshirt, "cardigan": top, "bag": scene.bag([tshirt[0], top[0]])}
     yield "padded", {"tshirt": tshirt, "padded": scene.padded(top, 8e-3)}
     yield "buttons", {"blouse": scene.buttons(scene.garment("blouse")), "cardigan": top}
+    yield "sewn", {"jeans": halves(bottoms, noise=1e-6), "tshirt": pockets(tshirt), "cardigan": halves(top, turned=True)}
     yield "all", {"hair": scene.hair(), "jeans": bottoms, "tshirt": tshirt, "padded": scene.padded(top, 8e-3),
                   "scarf": scene.scarf([tshirt[0], top[0], scene.points]), "bag": scene.bag([tshirt[0], top[0]]), "hat": scene.hat()}
 

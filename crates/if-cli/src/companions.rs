@@ -78,7 +78,8 @@ impl Companions {
             let missing = if is_of_body { &mut missing_of_body } else { &mut missing };
             for Named { name, source, of } in named_by(layer, file, missing)? {
                 let content = digest(&read(&source, &of)?);
-                let other = found.get(&name).filter(|o| o.content != content).map(|o| o.of.clone());
+                let other = found.get(&name).filter(|o| o.content != content);
+                let other = other.map(|o| o.source.display().to_string());
                 let of_ours = taken
                     .iter()
                     .chain([&receipt::FILE.to_owned()])
