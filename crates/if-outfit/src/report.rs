@@ -528,14 +528,15 @@ pub struct SeamReport {
 impl SeamReport {
     fn note(&self) -> String {
         let Self { name, edges, given, now } = self;
-        let given = 1e3 * given;
         if *now == 0.0 {
             return format!(
-                "`{name}`: the sides of seams were up to {given:.4} mm apart at {edges} boundary edges, and were joined"
+                "`{name}`: the sides of seams were up to {:.2} µm apart at {edges} boundary edges, and were joined",
+                1e6 * given
             );
         }
         format!(
-            "`{name}`: {edges} boundary edges lay within {given:.2} mm of others, and are {:.1} mm apart now; if that is a seam, merge its vertices by distance first",
+            "`{name}`: {edges} boundary edges lay within {:.2} mm of others, and are {:.1} mm apart now; if that is a seam, merge its vertices by distance first",
+            1e3 * given,
             1e3 * now
         )
     }

@@ -7,8 +7,9 @@ use if_core::mesh::TriMesh;
 use if_core::union_find::UnionFind;
 use std::collections::HashMap;
 
-/// Cells of the search, in distances: most vertices are searched in one.
-const CELL: Real = 64.0;
+/// Size of the cells of the search, in distances: few vertices have to be searched in more than one, and few
+/// lie in one.
+const CELL: Real = 4.0;
 
 /// The seams of a mesh whose sides are near one another, and not at the same positions ([`near_seams`]).
 #[derive(Clone, Debug, PartialEq)]
