@@ -6,11 +6,12 @@
 The referee (../shared/tools/referee.py) takes the side of a vertex of OUTER from the pseudo-normal of the nearest triangle of INNER,
 which points the other way under a folded collar. This script repeats that test, and from each vertex that it counts sends rays
 everywhere: the share that meets neither BODY nor INNER. A vertex between the two sees the open only through the openings of INNER.
-For comparison it does the same with points 5 mm under INNER's triangles, towards the body. Needs numpy, scipy, libigl, meshio, open3d.
+For comparison it does the same with points 5 mm under INNER's triangles, towards the body. Needs numpy, scipy, libigl, meshio, trimesh, embreex.
 """
 import argparse, os, sys
 import numpy as np
-import open3d as o3d
+import trimesh
+from trimesh.ray.ray_pyembree import RayMeshIntersector
 
 sys.path.insert(0, os.path.join(os.path.dirname(os.path.abspath(__file__)), "../../../shared/tools"))
 from referee import load, side  # noqa: E402
@@ -19,18 +20,15 @@ a = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDes
 a.add_argument("body"), a.add_argument("inner"), a.add_argument("outer"), a.add_argument("--rays", type=int, default=512)
 a = a.parse_args()
 body, inner, outer = load(a.body), load(a.inner), load(a.outer)
-scene = o3d.t.geometry.RaycastingScene()
-for V, F in (body, inner):
-    scene.add_triangles(o3d.core.Tensor(V.astype(np.float32)), o3d.core.Tensor(F.astype(np.uint32)))
+scene = RayMeshIntersector(trimesh.util.concatenate([trimesh.Trimesh(V, F, process=False) for V, F in (body, inner)]))
 k = np.arange(a.rays) + 0.5
 polar, turn = np.arccos(1 - 2 * k / a.rays), np.pi * (1 + 5**0.5) * k
 ways = np.stack([np.cos(turn) * np.sin(polar), np.sin(turn) * np.sin(polar), np.cos(polar)], 1)
 
 
 def free_share(points):
-    rays = np.concatenate([np.repeat(points, a.rays, 0), np.tile(ways, (len(points), 1))], 1).astype(np.float32)
-    hit = scene.cast_rays(o3d.core.Tensor(rays))["t_hit"].numpy()
-    return np.isinf(hit).reshape(len(points), a.rays).mean(1)
+    hits = scene.intersects_any(np.repeat(points, a.rays, 0), np.tile(ways, (len(points), 1)))
+    return 1 - hits.reshape(len(points), a.rays).mean(1)
 
 
 def told(name, share):

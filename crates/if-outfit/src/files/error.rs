@@ -57,7 +57,7 @@ pub enum FilesError {
     /// Two layers are the same vertices of a file.
     #[error(
         "`{first}` and `{second}` have vertices of `{}` in common; give each its own node, as in \
-         scene.glb#NODE",
+         scene.glb#NODE, with position accessors of its own",
         path.display()
     )]
     SharedVertices { first: String, second: String, path: PathBuf },
