@@ -26,11 +26,6 @@ pub struct Welded {
 }
 
 impl Welded {
-    /// Whether any vertices became one.
-    pub fn joins(&self) -> bool {
-        self.vertex_map.iter().filter(|v| **v != NONE).count() > self.mesh.vertices().len()
-    }
-
     /// For each vertex of `mesh` the first original one.
     pub fn first_of(&self) -> Vec<u32> {
         let mut first = vec![NONE; self.mesh.vertices().len()];
@@ -224,19 +219,16 @@ fn join(mesh: &TriMesh, first_at: &[u32]) -> (Vec<u32>, usize, usize) {
 
 /// [`join`], and then all used vertices at one position.
 fn join_all(mesh: &TriMesh, first_at: &[u32]) -> (Vec<u32>, usize, usize) {
+    let used = mesh.used_vertices();
     let (sewn, edges, repeated) = join(mesh, first_at);
-    let mut joined = UnionFind::new(sewn.len());
+    let mut joined: Vec<u32> = (0..sewn.len() as u32).collect();
     let mut first_used = vec![NONE; sewn.len()];
-    for (v, is_used) in (0u32..).zip(mesh.used_vertices()) {
-        joined.join(v, sewn[v as usize]);
-        let first = &mut first_used[first_at[v as usize] as usize];
-        if is_used && *first == NONE {
-            *first = v;
-        } else if is_used {
-            joined.join(v, *first);
-        }
+    for v in (0..sewn.len()).filter(|v| used[*v]) {
+        let first = &mut first_used[first_at[v] as usize];
+        *first = (*first).min(v as u32);
+        joined[v] = *first;
     }
-    (without_needles(mesh, joined.into_firsts(), &sewn), edges, repeated)
+    (without_needles(mesh, joined, &sewn), edges, repeated)
 }
 
 /// `joined`, but as they were `before` where a triangle would have two corners in one vertex.
@@ -361,11 +353,11 @@ mod tests {
         assert_eq!(part_count(&apart.mesh), 2);
         assert_eq!(part_count(&sewn.mesh), 1);
         assert_eq!(sewn.mesh.vertices().len() + 12, apart.mesh.vertices().len());
-        assert!(sewn.joins() && !apart.joins());
         // Nothing but what lies at the same position moves together, and a second time there is nothing to do.
         let moved: Vec<Point> = sewn.mesh.vertices().iter().map(|p| p * 2.0).collect();
         let unwelded = sewn.unweld(&moved, mesh.vertices());
         let used = mesh.used_vertices();
+        assert_eq!(apart.mesh.vertices().len(), used.iter().filter(|used| **used).count());
         assert!((0..used.len()).all(|v| !used[v] || unwelded[v] == mesh.vertices()[v] * 2.0));
         assert_eq!(weld_all(&sewn.mesh), None);
     }

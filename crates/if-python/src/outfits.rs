@@ -6,7 +6,7 @@ use crate::work;
 use if_core::mesh::TriMesh;
 use if_mesh::index::Bvh;
 use if_mesh::intersections::{own_pairs as pairs_within, pairs_between};
-use if_mesh::seams::weld;
+use if_mesh::seams::{weld, weld_all};
 use if_outfit::unresolved::Unresolved;
 use if_outfit::{
     Cleanness, Layer, Outfit, OutfitError, ResolveError, ResolveParams, Resolved, notes,
@@ -126,8 +126,12 @@ pub(crate) fn intersections<'py>(
     let meshes: Vec<TriMesh> =
         layers.iter().map(|layer| Ok(layer.layer()?.mesh)).collect::<PyResult<_>>()?;
     let found = work::run(py, threads, None, move |_| {
-        // As `verify` counts them: seams are closed. Triangles keep their order.
-        let welded = meshes.into_par_iter().map(|mesh| weld(&mesh).map_or(mesh, |w| w.mesh));
+        // As `verify` counts them: seams are closed, and of garments what is sewn on is one with the rest.
+        // Triangles keep their order.
+        let welded = meshes.into_par_iter().enumerate().map(|(layer, mesh)| {
+            let welded = if layer == 0 { weld(&mesh) } else { weld_all(&mesh) };
+            welded.map_or(mesh, |welded| welded.mesh)
+        });
         let (meshes, trees): (Vec<TriMesh>, Vec<Bvh>) = welded
             .map(|mesh| {
                 let tree = Bvh::new(&mesh);

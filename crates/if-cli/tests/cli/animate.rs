@@ -428,6 +428,9 @@ fn motions_and_weights_that_do_not_fit_are_errors_that_name_them() {
     fails("--motion-set smoothing=-1", "`smoothing` is -1");
     fails("--motion-set clearance=0.1", "unknown parameter `clearance`; valid names are `turn`, ");
     fails("--motion-set gap=wide", "parameter `gap`");
+    for twice in ["--motion-set pinch=keep", "--motion-set gap=0.001 --motion-set walk.gap=0.002"] {
+        fails(twice, "of the motion is given twice");
+    }
     fails("--fps 25", "has no use for --fps");
     fails("--set pinch=yield", "the body at rest cannot be drawn back in a motion");
     let nowhere = ANIMATE.replace("doll/motion.json", "doll/bodeis --skeleton missing.json");

@@ -541,6 +541,7 @@ fn faults_say_what_to_do() {
             && !folder.path("look").exists()
             && !folder.path("many").exists()
     );
+    assert!(stderr("wardrobe batch w --out many").contains("<--list <FILE>|--random <N>>"));
     assert!(stderr("wardrobe batch w --random 5000 --out many").contains("different combinations"));
     folder.write("list.toml", "[[outfit]]\nbody = 'slim'\ngarment = ['belt0']\n");
     assert!(stderr("wardrobe batch w --list list.toml --out listed").contains("list.toml"));

@@ -1,6 +1,6 @@
 //! Seams whose sides nearly coincide, as rounding and merging of files leave them.
 
-use super::coincident_vertices;
+use super::{coincident_vertices, without_needles};
 use if_core::edges::Edges;
 use if_core::math::{Point, Real};
 use if_core::mesh::TriMesh;
@@ -39,8 +39,7 @@ impl NearSeams {
 
 /// Finds boundary edges both ends of which lie within `distance` metres of those of another one; `None` if
 /// there is none but those at the same positions, which [`weld`](super::weld) closes. No two corners of a
-/// triangle belong together.
-/// `edges` are those of the mesh.
+/// triangle belong together. `edges` are those of the mesh.
 pub fn near_seams(mesh: &TriMesh, edges: &Edges, distance: Real) -> Option<NearSeams> {
     let border: Vec<[u32; 2]> = (edges.vertices.iter().zip(&edges.valence))
         .filter(|(_, valence)| **valence == 1)
@@ -108,20 +107,8 @@ fn groups(mesh: &TriMesh, border: &[[u32; 2]], distance: Real) -> Option<Vec<u32
     if !is_any {
         return None;
     }
-    let mut first = joined.into_firsts();
-    let mut is_split = vec![false; x.len()];
-    for t in mesh.triangles() {
-        let [a, b, c] = t.map(|v| first[v as usize]);
-        for (same, at) in [(a == b || a == c, a), (b == c, b)] {
-            is_split[at as usize] |= same;
-        }
-    }
-    for v in 0..first.len() {
-        if is_split[first[v] as usize] {
-            first[v] = v as u32;
-        }
-    }
-    Some(first)
+    let separate: Vec<u32> = (0..x.len() as u32).collect();
+    Some(without_needles(mesh, joined.into_firsts(), &separate))
 }
 
 #[cfg(test)]

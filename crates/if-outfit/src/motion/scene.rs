@@ -58,7 +58,7 @@ impl Scene {
         let garments = outfit.garments.iter().map(|g| (&g.mesh, weld_all(&g.mesh)));
         for (mesh, welded) in [(body, weld(body))].into_iter().chain(garments) {
             let first = vertices.len() as u32;
-            let kept = welded.filter(Welded::joins).map(|w| kept_vertices(&w));
+            let kept = welded.as_ref().map(kept_vertices);
             vertices.extend_from_slice(mesh.vertices());
             let moved = |v: u32| first + kept.as_ref().map_or(v, |kept| kept[v as usize]);
             triangles.extend(mesh.triangles().iter().map(|t| t.map(moved)));
