@@ -12,8 +12,8 @@ use std::collections::BTreeSet;
 pub(crate) struct LayerFindings {
     /// Intersecting triangle pairs: of the layer below, of the garment.
     pub(crate) pairs: Vec<TrianglePair>,
-    /// Number of vertices on the wrong side, without those that are [`alone`] there while no pair
-    /// intersects.
+    /// Number of vertices on the wrong side, without those that are [`alone`] there or
+    /// [exposed](if_mesh::exposure) while no pair intersects.
     pub(crate) inside: usize,
     /// Depth of the deepest of them, in metres.
     pub(crate) deepest: Real,

@@ -10,6 +10,7 @@ use crate::report::{OwnPairs, ResolveReport, Verification};
 use crate::welded::Welded;
 use if_core::math::Real;
 use if_core::mesh::TriMesh;
+use if_mesh::exposure::Exposure;
 use if_mesh::index::Bvh;
 use if_mesh::intersections::pairs;
 use if_mesh::seams::weld_all;
@@ -89,10 +90,11 @@ pub(crate) fn verify_layers(
         trace_span!("closed layers and own pairs", "closed layers" = Empty, "own pairs" = Empty);
     let (closed, own) = beside(&span, names, close_layers, all_own);
     let _phase = trace_span!("pairs and sides").entered();
+    let layers: Vec<&ClosedLayer> = closed.iter().map(Arc::as_ref).collect();
     let garments = outfit.garments.par_iter().zip(own).enumerate();
     let findings = garments.map(|(k, (garment, (tree, own)))| {
-        let over = |layer: &Arc<ClosedLayer>| verify_over(&garment.mesh, &tree, layer);
-        Findings { below: closed[..=k].par_iter().map(over).collect(), own }
+        let over = |j: usize| verify_over(&garment.mesh, &tree, &layers, j);
+        Findings { below: (0..=k).into_par_iter().map(over).collect(), own }
     });
     let findings = findings.collect();
     (findings, closed)
@@ -119,7 +121,7 @@ pub(crate) fn verify_changed(
         } else if changed[..k].contains(&true) {
             let tree = Bvh::new(&garment.mesh);
             for j in (0..k).filter(|j| changed[*j]) {
-                findings[k].below[j + 1] = verify_over(&garment.mesh, &tree, layers[j + 1]);
+                findings[k].below[j + 1] = verify_over(&garment.mesh, &tree, &layers, j + 1);
             }
         }
     }
@@ -130,13 +132,16 @@ pub(crate) fn verify_changed(
 pub(crate) fn verify_garment(mesh: &TriMesh, below: &[&ClosedLayer]) -> Findings {
     let _phase = trace_span!("pairs and sides").entered();
     let tree = Bvh::new(mesh);
-    let over_all = || below.par_iter().map(|layer| verify_over(mesh, &tree, layer)).collect();
+    let over = |j: usize| verify_over(mesh, &tree, below, j);
+    let over_all = || (0..below.len()).into_par_iter().map(over).collect();
     let (below, own) = rayon::join(over_all, || own_of(mesh, &tree));
     Findings { below, own }
 }
 
-/// What is found of a garment with this mesh, which `tree` holds, over one layer.
-fn verify_over(mesh: &TriMesh, tree: &Bvh, layer: &ClosedLayer) -> LayerFindings {
+/// What is found of a garment with this mesh, which `tree` holds, over layer `j` of `layers`, the body
+/// first.
+fn verify_over(mesh: &TriMesh, tree: &Bvh, layers: &[&ClosedLayer], j: usize) -> LayerFindings {
+    let (layer, body) = (layers[j], layers[0]);
     let used = mesh.used_vertices();
     let depth = |v: usize| {
         let sided = layer.sided(&mesh.vertices()[v], 0.0).filter(|s| s.distance < 0.0);
@@ -149,6 +154,11 @@ fn verify_over(mesh: &TriMesh, tree: &Bvh, layer: &ClosedLayer) -> LayerFindings
         let vertices: Vec<usize> = inside.iter().map(|(v, _)| *v).collect();
         let alone = alone(mesh.triangles(), &vertices);
         inside.retain(|(v, _)| !alone.contains(v));
+        if j > 0 && !inside.is_empty() {
+            let exposure = Exposure::new(&layer.to_mesh(), layer.bvh(), body.bvh());
+            let is_under = |(v, _): &(usize, Real)| !exposure.is_exposed(&mesh.vertices()[*v]);
+            inside = inside.into_par_iter().filter(is_under).collect();
+        }
     }
     let deepest = inside.iter().map(|(_, depth)| *depth).fold(0.0, Real::max);
     LayerFindings { pairs, inside: inside.len(), deepest }

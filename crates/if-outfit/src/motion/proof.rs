@@ -1,5 +1,5 @@
 //! The proof of one state: exact intersections of all layers with one another and with themselves,
-//! and sides by the nearest surface and by closed layers.
+//! and sides by the nearest surface, but of what lies in the open.
 //!
 //! ```text
 //! side of a vertex of a part that comes near the layer      by the nearest point, where that is near
@@ -11,14 +11,13 @@
 
 use super::scene::Scene;
 use super::tolerated::Tolerated;
-use crate::findings::alone;
 use if_core::closest::ClosestPoint;
 use if_core::math::{Point, Real};
 use if_core::mesh::TriMesh;
+use if_mesh::exposure::Exposure;
 use if_mesh::index::Bvh;
 use if_mesh::intersections::{own_pairs, pairs};
 use if_mesh::sdf::MeshSdf;
-use if_mesh::solid::ClosedLayer;
 use rayon::prelude::*;
 
 /// Distance up to which a vertex has a side of a layer below, in metres: as the project's referee.
@@ -31,16 +30,11 @@ const REACH: Real = 0.06;
 pub struct Proof {
     /// Intersecting triangle pairs between layers.
     pub pairs: usize,
-    /// Vertices on the wrong side of a layer below, once for each layer: by the nearest point of its
-    /// surface, and by the layer closed over the body as in [`verify`](crate::verify()). A vertex
-    /// whose nearest point lies on a boundary has no side; nor has one that is 6 cm from the surface
-    /// where its part of the garment comes nearer. Vertices of no triangle do not count.
-    ///
-    /// Each errs elsewhere. Under a folded collar, or beside a waist that is folded over, the nearest
-    /// surface faces the wrong way; a closed layer also has the pockets inside that a pose makes, as in
-    /// an armpit. Where both err at a single vertex, its triangles tell: if no other corner of theirs is
-    /// inside, and the two garments do not meet, the vertex cannot have passed the surface, and does
-    /// not count.
+    /// Vertices on the wrong side of a layer below, once for each layer, by the nearest point of its
+    /// surface. A vertex whose nearest point lies on a boundary has no side; nor has one that is 6 cm
+    /// from the surface where its part of the garment comes nearer. Vertices of no triangle do not count,
+    /// nor do those over a garment that lie [in the open](if_mesh::exposure): under a folded collar, or
+    /// beside a waist that is folded over, the nearest surface faces the wrong way.
     pub inside: usize,
     /// For each layer, the body first, its intersecting triangle pairs with itself.
     pub own_pairs: Vec<usize>,
@@ -75,8 +69,6 @@ pub(super) fn prove(scene: &Scene, positions: &[Point], tolerated: &Tolerated) -
         })
         .collect();
     let mut proof = Proof::default();
-    // For each garment whether it meets each layer below.
-    let mut meets = vec![Vec::new(); scene.layers()];
     let garments = scene.layers() - 1;
     proof.pinched = tolerated.pinched.as_ref().map(|pinched| Pinched {
         body: (0u32..).zip(pinched).filter(|(_, is)| **is).map(|(t, _)| t).collect(),
@@ -94,7 +86,6 @@ pub(super) fn prove(scene: &Scene, positions: &[Point], tolerated: &Tolerated) -
         for (j, (_, below)) in layers[..k].iter().enumerate() {
             let found = pairs(below, tree);
             proof.pairs += found.len();
-            meets[k].push(!found.is_empty());
             if let (0, Some(pinched)) = (j, &mut proof.pinched) {
                 let there = found.iter().filter(|p| tolerated.is_pinched(p.a));
                 pinched.pairs[k - 1].extend(there.map(|p| [p.a, p.b]));
@@ -102,8 +93,7 @@ pub(super) fn prove(scene: &Scene, positions: &[Point], tolerated: &Tolerated) -
             }
         }
     }
-    let mut body = None;
-    for (below, (mesh, _)) in layers.iter().enumerate().take(scene.layers() - 1) {
+    for (below, (mesh, tree)) in layers.iter().enumerate().take(scene.layers() - 1) {
         // An empty mesh is the only other error, and layers have triangles.
         let Ok(field) = MeshSdf::open(mesh, Real::INFINITY) else { continue };
         let mut found = behind(scene, positions, below, &field);
@@ -120,13 +110,8 @@ pub(super) fn prove(scene: &Scene, positions: &[Point], tolerated: &Tolerated) -
             continue;
         }
         if below > 0 && !found.is_empty() {
-            let skin = &layers[0].0;
-            let body = body.get_or_insert_with(|| ClosedLayer::body(skin));
-            let layer = ClosedLayer::garment(mesh, body, skin);
-            let is_inside = |p: &Point| layer.sided(p, 0.0).is_some_and(|s| s.distance < 0.0);
-            found.retain(|v| is_inside(&positions[*v]));
-            let alone = alone(scene.mesh.triangles(), &found);
-            found.retain(|v| !alone.contains(v) || meets[scene.layer_of(*v as u32)][below]);
+            let exposure = Exposure::new(mesh, tree, &layers[0].1);
+            found = found.into_par_iter().filter(|v| !exposure.is_exposed(&positions[*v])).collect();
         }
         proof.inside += found.len();
     }
