@@ -131,7 +131,8 @@ mod tests {
         let beside = arm.vertices().iter().map(|p| p + Vector::x() * 0.178);
         let vertices = trunk.vertices().iter().copied().chain(beside).collect();
         let of_arm = arm.triangles().iter().map(|t| t.map(|v| v + n));
-        let body = TriMesh::new(vertices, trunk.triangles().iter().copied().chain(of_arm).collect());
+        let body =
+            TriMesh::new(vertices, trunk.triangles().iter().copied().chain(of_arm).collect());
         let body = body.unwrap();
         let layer = ClosedLayer::garment(&shirt, &ClosedLayer::body(&body), &body);
         let between = Point::new(0.124, 0.05, 0.0);

@@ -45,6 +45,7 @@ pub mod baked;
 pub mod body_surface;
 pub mod camera;
 pub mod cleanup;
+#[doc(hidden)]
 pub mod exposure;
 pub mod extract;
 pub mod file;

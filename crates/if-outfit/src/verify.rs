@@ -2,7 +2,7 @@
 //! fields.
 
 use crate::distances;
-use crate::findings::{Findings, LayerFindings, alone, new_pairs, own_of};
+use crate::findings::{Findings, LayerFindings, new_pairs, own_of};
 use crate::outfit::{Layer, Outfit, OutfitError};
 use crate::phases::beside;
 use crate::prepared_body::PreparedBody;
@@ -150,15 +150,10 @@ fn verify_over(mesh: &TriMesh, tree: &Bvh, layers: &[&ClosedLayer], j: usize) ->
     let of_used = (0..used.len()).into_par_iter().filter(|v| used[*v]);
     let mut inside: Vec<(usize, Real)> = of_used.filter_map(depth).collect();
     let pairs = pairs(layer.bvh(), tree);
-    if pairs.is_empty() {
-        let vertices: Vec<usize> = inside.iter().map(|(v, _)| *v).collect();
-        let alone = alone(mesh.triangles(), &vertices);
-        inside.retain(|(v, _)| !alone.contains(v));
-        if j > 0 && !inside.is_empty() {
-            let exposure = Exposure::new(&layer.to_mesh(), layer.bvh(), body.bvh());
-            let is_under = |(v, _): &(usize, Real)| !exposure.is_exposed(&mesh.vertices()[*v]);
-            inside = inside.into_par_iter().filter(is_under).collect();
-        }
+    if pairs.is_empty() && j > 0 && !inside.is_empty() {
+        let exposure = Exposure::new(&layer.to_mesh(), layer.bvh(), body.bvh());
+        let is_under = |(v, _): &(usize, Real)| !exposure.is_exposed(&mesh.vertices()[*v]);
+        inside = inside.into_par_iter().filter(is_under).collect();
     }
     let deepest = inside.iter().map(|(_, depth)| *depth).fold(0.0, Real::max);
     LayerFindings { pairs, inside: inside.len(), deepest }

@@ -68,7 +68,8 @@ pub(crate) fn fanned(mesh: &TriMesh) -> TriMesh {
         let rim: Vec<Point> = walk.iter().map(|v| mesh.vertices()[*v as usize]).collect();
         triangles.extend(add(&mut vertices, &walk, &fan(&rim)));
     }
-    TriMesh::new(vertices, triangles).expect("a mesh has finite vertices, and so has its loops' middles")
+    TriMesh::new(vertices, triangles)
+        .expect("a mesh has finite vertices, and so has its loops' middles")
 }
 
 /// A lid with one vertex in the middle: it exists for every loop.

@@ -33,8 +33,8 @@ pub struct Proof {
     /// Vertices on the wrong side of a layer below, once for each layer, by the nearest point of its
     /// surface. A vertex whose nearest point lies on a boundary has no side; nor has one that is 6 cm
     /// from the surface where its part of the garment comes nearer. Vertices of no triangle do not count,
-    /// nor do those over a garment that lie [in the open](if_mesh::exposure): under a folded collar, or
-    /// beside a waist that is folded over, the nearest surface faces the wrong way.
+    /// nor do those over a garment that lie in the open, though under a folded collar, or beside a waist
+    /// that is folded over, the nearest surface faces the wrong way.
     pub inside: usize,
     /// For each layer, the body first, its intersecting triangle pairs with itself.
     pub own_pairs: Vec<usize>,
@@ -111,7 +111,8 @@ pub(super) fn prove(scene: &Scene, positions: &[Point], tolerated: &Tolerated) -
         }
         if below > 0 && !found.is_empty() {
             let exposure = Exposure::new(mesh, tree, &layers[0].1);
-            found = found.into_par_iter().filter(|v| !exposure.is_exposed(&positions[*v])).collect();
+            found =
+                found.into_par_iter().filter(|v| !exposure.is_exposed(&positions[*v])).collect();
         }
         proof.inside += found.len();
     }
