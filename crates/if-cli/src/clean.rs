@@ -87,7 +87,7 @@ pub(crate) struct Openness {
     /// Loops from this length are openings, such as 20cm.
     #[arg(long, value_name = "LENGTH", value_parser = length, allow_hyphen_values = true)]
     pub(crate) longer: Option<f64>,
-    /// The loop nearest to this point is an opening; once for each.
+    /// The loop nearest to this point, by its edge or its middle, is an opening; once for each.
     #[arg(long, value_name = "X,Y,Z", value_parser = point, allow_hyphen_values = true)]
     pub(crate) open_at: Vec<Point>,
 }

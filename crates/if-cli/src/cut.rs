@@ -22,6 +22,7 @@ use if_mesh::labels::{
 };
 use if_mesh::ply::{self, Column, PlyMesh, Property, WriteParams};
 use if_mesh::seams::{Welded, weld};
+use if_mesh::validate::suspicious_units;
 use if_render::{PALETTE, RenderLayer, View, side_by_side};
 use miette::{Diagnostic, Report};
 use serde::Serialize;
@@ -228,7 +229,8 @@ pub(crate) fn run(args: &CutArgs) -> Result<End, Report> {
     if pieces.is_empty() {
         return Err(CutFault::NothingCut { path: args.mesh.clone() }.into());
     }
-    let notes = not_kept(&ply);
+    let units = suspicious_units(&ply.mesh).map(|fault| format!("the input: {fault}"));
+    let notes: Vec<String> = not_kept(&ply).into_iter().chain(units).collect();
     let attributes = VertexAttributes::new(
         ply.mesh.vertices().len(),
         std::mem::take(&mut ply.vertex_properties),
@@ -293,13 +295,17 @@ pub(crate) fn run(args: &CutArgs) -> Result<End, Report> {
     Ok(End::Clean)
 }
 
-/// The votes for the vertices of the welded mesh: sums of those at each.
+/// The votes for the vertices of the welded mesh: means of those at each.
 fn joined(votes: &LabelVotes, welded: &Welded) -> LabelVotes {
     let labels = votes.labels;
-    let mut weights = vec![0.0; welded.mesh.vertices().len() * labels];
+    let joined = welded.vertex_map.iter().filter(|at| **at != NONE);
+    let mut copies = vec![0_u32; welded.mesh.vertices().len()];
+    joined.for_each(|at| copies[*at as usize] += 1);
+    let mut weights = vec![0.0; copies.len() * labels];
     for (v, at) in welded.vertex_map.iter().enumerate().filter(|(_, at)| **at != NONE) {
-        let sums = weights[*at as usize * labels..].iter_mut();
-        sums.zip(votes.of(v)).for_each(|(sum, vote)| *sum += vote);
+        let share = f64::from(copies[*at as usize]);
+        let means = weights[*at as usize * labels..].iter_mut();
+        means.zip(votes.of(v)).for_each(|(mean, vote)| *mean += vote / share);
     }
     LabelVotes { labels, weights }
 }
@@ -493,7 +499,9 @@ fn sound(name: &str) -> bool {
 }
 
 fn row(piece: &Piece, name: String) -> Row {
-    let edges = Edges::new(&piece.mesh);
+    // Seams of exporters are no borders.
+    let welded = weld(&piece.mesh);
+    let surface = welded.as_ref().map_or(&piece.mesh, |welded| &welded.mesh);
     Row {
         label: piece.label,
         file: format!("{name}.ply"),
@@ -501,8 +509,8 @@ fn row(piece: &Piece, name: String) -> Row {
         vertices: piece.mesh.vertices().len(),
         triangles: piece.mesh.triangles().len(),
         area_m2: piece.mesh.area(),
-        components: part_count(&piece.mesh),
-        borders: edges.boundary_loops(&piece.mesh).len(),
+        components: part_count(surface),
+        borders: Edges::new(surface).boundary_loops(surface).len(),
     }
 }
 
@@ -576,6 +584,19 @@ fn draw(layers: &[(u8, &TriMesh)], path: &Path) -> io::Result<()> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_vertex_that_a_file_has_more_than_once_votes_once() {
+        let p = |x: f64, y: f64| if_core::math::Point::new(x, y, 0.0);
+        let apart = [p(0.0, 0.0), p(1.0, 0.0), p(0.0, 1.0), p(1.0, 0.0), p(1.0, 1.0), p(0.0, 1.0)];
+        let soup = TriMesh::new(apart.to_vec(), vec![[0, 1, 2], [3, 4, 5]]).unwrap();
+        let welded = weld(&soup).unwrap();
+        let votes = joined(&LabelVotes::from_labels(&[0, 1, 1, 1, 0, 0], 2), &welded);
+        let of = |v: usize| votes.of(welded.vertex_map[v] as usize).to_vec();
+        let [once, both] = [of(0), of(2)];
+        assert_eq!(once, [1.0, 0.0]);
+        assert_eq!((both, of(1)), (vec![0.5, 0.5], vec![0.0, 1.0]));
+    }
 
     #[test]
     fn labels_stand_without_gaps_in_their_order() {

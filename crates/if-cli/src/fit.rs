@@ -16,6 +16,7 @@ use if_core::mesh::{MeshError, TriMesh};
 use if_core::monitor::Progress;
 use if_mesh::file::MeshFile;
 use if_mesh::regular_file;
+use if_mesh::validate::{Fault, faults};
 use if_neural::FitError;
 use if_neural::files::{WeightNorm, read_checkpoint, write_checkpoint, write_network};
 use if_neural::fit::{Ended, Fit, FitParams, FitReport};
@@ -146,6 +147,7 @@ pub(crate) fn run(args: &FitArgs) -> Result<End, Report> {
     let line = Line::new("", 0, 1);
     line.message("reading");
     let mesh = mesh(args)?;
+    let doubts = doubts(&mesh);
     let path = || args.mesh.clone();
     let take = if args.points { Take::Points } else { Take::Either };
     let taken =
@@ -183,7 +185,7 @@ pub(crate) fn run(args: &FitArgs) -> Result<End, Report> {
             false => format!("cancelled; --resume {} goes on with it", file.display()),
         });
     }
-    let end = say(args, &taken, &params, &report, start.elapsed().as_secs_f64())?;
+    let end = say(args, (&taken, doubts), &params, &report, start.elapsed().as_secs_f64())?;
     Ok(if lost { End::Unusable } else { end })
 }
 
@@ -353,18 +355,25 @@ fn mesh(args: &FitArgs) -> Result<TriMesh, FitFault> {
     })
 }
 
+/// What of the mesh makes the field another one than was meant, perhaps.
+fn doubts(mesh: &TriMesh) -> Vec<String> {
+    let matters = |fault: &Fault| matches!(fault, Fault::Winding { .. } | Fault::Units { .. });
+    faults(mesh).iter().filter(|f| matters(f)).map(|f| format!("the input: {f}")).collect()
+}
+
 fn say(
     args: &FitArgs,
-    taken: &MeshTarget,
+    (taken, doubts): (&MeshTarget, Vec<String>),
     params: &FitParams,
     report: &FitReport,
     seconds: f64,
 ) -> Result<End, Report> {
     let out = args.out.display().to_string();
-    let notes: Vec<String> = match taken {
-        MeshTarget::Field(field) => not_kept::inner_parts(field).into_iter().collect(),
-        MeshTarget::Points(_) => vec![],
+    let inner_parts = match taken {
+        MeshTarget::Field(field) => not_kept::inner_parts(field),
+        MeshTarget::Points(_) => None,
     };
+    let notes: Vec<String> = doubts.into_iter().chain(inner_parts).collect();
     if args.json {
         print_json(
             &json!({"out": out, "state": report.ended, "report": report, "notes": notes, "seconds": seconds}),

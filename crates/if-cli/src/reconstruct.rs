@@ -97,7 +97,7 @@ pub(crate) struct ReconstructArgs {
     #[arg(long, value_name = "DEG,MM", value_parser = pose_sigma)]
     pub(crate) pose_noise: Option<PoseSigma>,
     /// Exit with code 1 after a warning: frames are not used, or frames or joints do not match their
-    /// images, axes of normals are flipped or most normals contradict the surface, a garment could not be
+    /// images, axes of normals are flipped, there are none, or most contradict the surface, a garment could not be
     /// made, no frame sees a third of it, or the edge of the picture cuts it. Everything is written all
     /// the same.
     #[arg(long)]

@@ -36,7 +36,6 @@ mod survey;
 mod tests;
 mod union;
 
-pub(crate) use lids::fanned;
 pub(crate) use merge::with_triangles;
 pub use report::{BodyReport, Hole, NoInside};
 

@@ -45,8 +45,6 @@ pub mod baked;
 pub mod body_surface;
 pub mod camera;
 pub mod cleanup;
-#[doc(hidden)]
-pub mod exposure;
 pub mod extract;
 pub mod file;
 mod float_of_c;

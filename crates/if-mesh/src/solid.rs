@@ -29,11 +29,14 @@
 
 mod closing;
 mod clothed;
+mod exposure;
 mod labels;
 #[cfg(test)]
 mod tests;
 
 pub use clothed::ClothedField;
+#[doc(hidden)]
+pub use exposure::Exposure;
 
 use crate::body_surface::{BodyReport, BodySide, BodySurface};
 use crate::index::{Bvh, Nearby, distance_bound};

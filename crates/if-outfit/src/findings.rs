@@ -5,13 +5,14 @@ use if_core::math::Real;
 use if_core::mesh::TriMesh;
 use if_mesh::index::Bvh;
 use if_mesh::intersections::{Fans, TrianglePair, own_pairs_with};
+use std::collections::BTreeSet;
 
 /// One garment against one layer below it.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct LayerFindings {
     /// Intersecting triangle pairs: of the layer below, of the garment.
     pub(crate) pairs: Vec<TrianglePair>,
-    /// Number of vertices on the wrong side, without those that lie in the open
+    /// Number of vertices on the wrong side, without those that are [`alone`] there or lie in the open
     /// while no pair intersects.
     pub(crate) inside: usize,
     /// Depth of the deepest of them, in metres.
@@ -61,9 +62,32 @@ pub(crate) fn new_pairs(now: &[[u32; 2]], given: &[[u32; 2]]) -> Vec<[u32; 2]> {
     now.iter().filter(|pair| given.binary_search(pair).is_err()).copied().collect()
 }
 
+/// Of `inside`, vertices of `triangles` in ascending order, those that have triangles but no other of
+/// `inside` in them. Where nothing intersects, they cannot have passed the surface: they lie in what
+/// closes a layer.
+pub(crate) fn alone(triangles: &[[u32; 3]], inside: &[usize]) -> BTreeSet<usize> {
+    let (mut alone, mut joined) = (BTreeSet::new(), BTreeSet::new());
+    if inside.is_empty() {
+        return alone;
+    }
+    for triangle in triangles {
+        let corners = triangle.iter().map(|v| *v as usize);
+        let here: Vec<usize> = corners.filter(|v| inside.binary_search(v).is_ok()).collect();
+        if here.len() > 1 { joined.extend(here) } else { alone.extend(here) }
+    }
+    &alone - &joined
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn alone_is_what_shares_no_triangle_with_another_and_has_one() {
+        let triangles = [[0, 1, 2], [2, 1, 3], [3, 4, 5]];
+        assert_eq!(alone(&triangles, &[0, 1, 4, 9]), BTreeSet::from([4]));
+        assert_eq!(alone(&triangles, &[0, 3]), BTreeSet::from([0, 3]));
+    }
 
     #[test]
     fn a_pair_in_place_of_another_is_new() {

@@ -1,8 +1,8 @@
 //! The proof: exact intersections of every layer with every layer below it, and sides by closed
-//! fields.
+//! fields and, of what does not meet, by sight.
 
 use crate::distances;
-use crate::findings::{Findings, LayerFindings, new_pairs, own_of};
+use crate::findings::{Findings, LayerFindings, alone, new_pairs, own_of};
 use crate::outfit::{Layer, Outfit, OutfitError};
 use crate::phases::beside;
 use crate::prepared_body::PreparedBody;
@@ -10,11 +10,10 @@ use crate::report::{OwnPairs, ResolveReport, Verification};
 use crate::welded::Welded;
 use if_core::math::Real;
 use if_core::mesh::TriMesh;
-use if_mesh::exposure::Exposure;
 use if_mesh::index::Bvh;
 use if_mesh::intersections::pairs;
 use if_mesh::seams::weld_all;
-use if_mesh::solid::ClosedLayer;
+use if_mesh::solid::{ClosedLayer, Exposure};
 use rayon::prelude::*;
 use std::sync::Arc;
 use std::time::Instant;
@@ -23,6 +22,10 @@ use tracing::trace_span;
 
 /// Checks an outfit without changing it: intersecting triangle pairs of all layers, vertices on the
 /// wrong side of a layer below, every garment's intersections with itself, and least distances.
+///
+/// The side of a vertex comes from closed layers. If a garment does not meet one below it, vertices do not
+/// count that are the only ones of their triangles inside of that, or lie in the open (`docs/concepts.md`,
+/// *Sides*).
 ///
 /// Seams count as closed, and vertices at the same position along them as one ([`if_mesh::seams`]).
 /// Vertices of no triangle do not count.
@@ -150,8 +153,13 @@ fn verify_over(mesh: &TriMesh, tree: &Bvh, layers: &[&ClosedLayer], j: usize) ->
     let of_used = (0..used.len()).into_par_iter().filter(|v| used[*v]);
     let mut inside: Vec<(usize, Real)> = of_used.filter_map(depth).collect();
     let pairs = pairs(layer.bvh(), tree);
+    if pairs.is_empty() {
+        let vertices: Vec<usize> = inside.iter().map(|(v, _)| *v).collect();
+        let alone = alone(mesh.triangles(), &vertices);
+        inside.retain(|(v, _)| !alone.contains(v));
+    }
     if pairs.is_empty() && j > 0 && !inside.is_empty() {
-        let exposure = Exposure::new(&layer.to_mesh(), layer.bvh(), body.bvh());
+        let exposure = Exposure::new(&layer.to_mesh(), layer.bvh(), body);
         let is_under = |(v, _): &(usize, Real)| !exposure.is_exposed(&mesh.vertices()[*v]);
         inside = inside.into_par_iter().filter(is_under).collect();
     }

@@ -250,6 +250,9 @@ fn load(folder: &Path, file: &FileInfo) -> Result<Vec<u8>, AssetError> {
     Ok(bytes)
 }
 
+/// Characters of the longest name.
+pub(crate) const LONGEST_NAME: usize = 64;
+
 /// Checks the name of a garment or body. Names become folders on any system: 1 to 64 ASCII letters,
 /// digits, `_`, `-` and `.`, without a dot at either end.
 ///
@@ -257,10 +260,9 @@ fn load(folder: &Path, file: &FileInfo) -> Result<Vec<u8>, AssetError> {
 ///
 /// [`AssetError::Name`].
 pub fn check_name(name: &str) -> Result<(), AssetError> {
-    const LONGEST: usize = 64;
     let fits = |c: char| c.is_ascii_alphanumeric() || matches!(c, '_' | '-' | '.');
     if name.is_empty()
-        || name.len() > LONGEST
+        || name.len() > LONGEST_NAME
         || !name.chars().all(fits)
         || name.starts_with('.')
         || name.ends_with('.')

@@ -149,8 +149,13 @@ impl Wardrobe {
             let (name, folder) = (body.name.clone(), self.root.join(BODIES).join(&body.name));
             return self.put_body(&writer, &name, &files.completed(&folder, body)?);
         }
-        let mut names =
-            std::iter::once(new.name.to_owned()).chain((2..).map(|k| format!("{}_{k}", new.name)));
+        let numbered = |k: u32| {
+            let end = format!("_{k}");
+            // Names are ASCII.
+            let kept = new.name.len().min(asset::LONGEST_NAME - end.len());
+            new.name[..kept].to_owned() + &end
+        };
+        let mut names = std::iter::once(new.name.to_owned()).chain((2..).map(numbered));
         let name = names
             .find(|name| !self.root.join(BODIES).join(name).exists())
             .expect("some number is free");

@@ -176,6 +176,12 @@ fn odd_normals(surface: &SurfaceReport) -> Option<String> {
         ));
     }
     let pixels = &surface.pixels;
+    if pixels.person > 0 && pixels.no_normal == pixels.person {
+        return Some(
+            "warning: no pixel of the person has a normal: the surface is fitted to outlines alone"
+                .to_owned(),
+        );
+    }
     let share = |n: usize| 100.0 * n as f64 / pixels.person.max(1) as f64;
     (pixels.contradicting > pixels.used).then(|| {
         format!(
@@ -307,5 +313,15 @@ mod tests {
         assert!(flipped.contains("along y (down) and z (away from the camera)"), "{flipped}");
         let other = found([0.9, 0.8, 0.1]);
         assert!(other.contains("90 % of the person's pixels contradict"), "{other}");
+    }
+
+    #[test]
+    fn pictures_without_normals_are_named() {
+        let mut report = ReconstructReport::default();
+        (report.surface.pixels.person, report.surface.pixels.no_normal) = (10, 10);
+        let [one] = &warnings(&report)[..] else { panic!("one warning") };
+        assert!(one.contains("no pixel of the person has a normal"), "{one}");
+        report.surface.pixels.no_normal = 9;
+        assert!(warnings(&report).is_empty());
     }
 }

@@ -39,19 +39,19 @@ pub(crate) struct BatchArgs {
     #[arg(long, value_name = "N")]
     pub(crate) random: Option<usize>,
     /// For --random: the same seed draws the same.
-    #[arg(long, value_name = "N", default_value_t = 1, requires = "random")]
+    #[arg(long, value_name = "N", default_value_t = 1, conflicts_with = "list")]
     pub(crate) seed: u64,
     /// For --random: garments at least.
-    #[arg(long, value_name = "N", default_value_t = 2, requires = "random")]
+    #[arg(long, value_name = "N", default_value_t = 2, conflicts_with = "list")]
     pub(crate) least: usize,
     /// For --random: garments at most.
-    #[arg(long, value_name = "N", default_value_t = 4, requires = "random")]
+    #[arg(long, value_name = "N", default_value_t = 4, conflicts_with = "list")]
     pub(crate) most: usize,
     /// For --random: any order and any garments, also a coat below a T-shirt.
-    #[arg(long, requires = "random")]
+    #[arg(long, conflicts_with = "list")]
     pub(crate) any_order: bool,
     /// For --random: bodies, which take turns; all by default.
-    #[arg(long, value_name = "NAME", requires = "random")]
+    #[arg(long, value_name = "NAME", conflicts_with = "list")]
     pub(crate) body: Vec<String>,
     #[command(flatten)]
     pub(crate) params: ParamArgs,
@@ -189,7 +189,8 @@ fn read(path: &Path) -> Result<Combinations, ListError> {
     };
     let text = regular_file::read_to_string(path).map_err(|e| fault(&e))?;
     let list: Combinations = if path.extension().is_some_and(|e| e.eq_ignore_ascii_case("json")) {
-        serde_json::from_str(&text).map_err(|e| fault(&e))
+        // Some editors begin files with a byte order mark.
+        serde_json::from_str(text.trim_start_matches('\u{feff}')).map_err(|e| fault(&e))
     } else {
         toml::from_str(&text).map_err(|e| fault(&e))
     }?;

@@ -1,6 +1,5 @@
 //! Triangles over the loops of a surface.
 
-use super::boundary::closing_loops;
 use crate::cleanup::{Lid, Rim};
 use if_core::edges::Edges;
 use if_core::math::{Point, Vector, area_vector, unit_or_zero};
@@ -59,17 +58,6 @@ impl<'a> Surroundings<'a> {
             around: (0..n).map(around).collect(),
         }
     }
-}
-
-/// The mesh with a lid over every loop, with one vertex in the middle.
-pub(crate) fn fanned(mesh: &TriMesh) -> TriMesh {
-    let (mut vertices, mut triangles) = (mesh.vertices().to_vec(), mesh.triangles().to_vec());
-    for walk in closing_loops(mesh, &Edges::new(mesh)) {
-        let rim: Vec<Point> = walk.iter().map(|v| mesh.vertices()[*v as usize]).collect();
-        triangles.extend(add(&mut vertices, &walk, &fan(&rim)));
-    }
-    TriMesh::new(vertices, triangles)
-        .expect("a mesh has finite vertices, and so has its loops' middles")
 }
 
 /// A lid with one vertex in the middle: it exists for every loop.

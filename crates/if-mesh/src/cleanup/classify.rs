@@ -49,15 +49,13 @@ impl Openings {
             Self::Near(points) => {
                 let mut kinds = vec![LoopKind::Hole; shapes.len()];
                 for p in points {
-                    let distance = |boundary: &[u32]| {
-                        let at = |h: u32| work.points[ends(&work.triangles, h)[0] as usize];
-                        boundary
-                            .iter()
-                            .map(|&h| (at(h) - p).norm_squared())
-                            .fold(Real::INFINITY, Real::min)
+                    let distance = |k: usize| {
+                        let at = |h: &u32| work.points[ends(&work.triangles, *h)[0] as usize];
+                        let places = loops[k].iter().map(at).chain([shapes[k].center.into()]);
+                        places.map(|q| (q - p).norm_squared()).fold(Real::INFINITY, Real::min)
                     };
                     let near = (0..loops.len())
-                        .map(|k| (distance(&loops[k]), k))
+                        .map(|k| (distance(k), k))
                         .min_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
                     if let Some((_, k)) = near {
                         kinds[k] = LoopKind::Opening;
@@ -97,7 +95,11 @@ mod tests {
 
     /// A tube with two holes in its side, and the kinds of its four loops.
     fn classified(openings: &Openings) -> Vec<(usize, bool)> {
-        let tube = tube(0.1, 0.4, 40, 20, false);
+        kinds_of(tube(0.1, 0.4, 40, 20, false), openings)
+    }
+
+    /// The edges of the loops of a tube with two holes in its side, and whether each is an opening.
+    fn kinds_of(tube: TriMesh, openings: &Openings) -> Vec<(usize, bool)> {
         let mut triangles = tube.triangles().to_vec();
         triangles.drain(600..604);
         triangles.drain(300..302);
@@ -108,6 +110,17 @@ mod tests {
             loops.iter().map(|boundary| LoopShape::new(&work, &half_edges, boundary)).collect();
         let kinds = openings.classify(&work, &loops, &shapes);
         shapes.iter().zip(kinds).map(|(s, v)| (s.edges, v == LoopKind::Opening)).collect()
+    }
+
+    #[test]
+    fn a_wide_opening_is_nearest_to_its_middle_though_a_hole_lies_between() {
+        let tube = tube(0.1, 0.4, 40, 20, false);
+        let flare = |p: &Point| if p.y == 0.0 { Point::new(3.0 * p.x, 0.0, 3.0 * p.z) } else { *p };
+        let wide = tube.with_vertices(tube.vertices().iter().map(flare).collect()).unwrap();
+        let middle = Openings::Near(vec![Point::new(0.0, 0.001, 0.0)]);
+        let open: Vec<usize> =
+            kinds_of(wide, &middle).iter().filter(|l| l.1).map(|l| l.0).collect();
+        assert_eq!(open, [40]);
     }
 
     #[test]

@@ -18,7 +18,8 @@ pub enum Openings {
     Count(usize),
     /// Loops at least this long, in metres.
     Longer(Real),
-    /// The loop nearest to each of these points, in metres.
+    /// The loop nearest to each of these points, in metres, by its vertices or its
+    /// [centre](super::LoopShape::center).
     Near(Vec<Point>),
     /// By the rest of the clothed body: a loop that bounds a large component of it is an opening.
     Complement(Box<Complement>),

@@ -22,15 +22,36 @@ impl Bvh {
         to: &Point,
         mut accept: impl FnMut(u32) -> bool,
     ) -> Option<Hit> {
-        let direction = to - from;
         let mut best: Option<Hit> = None;
+        self.each_hit(from, to, |hit| {
+            if best.is_none_or(|h| hit.parameter < h.parameter) && accept(hit.triangle) {
+                best = Some(hit);
+            }
+            best.map_or(1.0, |h| h.parameter)
+        });
+        best
+    }
+
+    /// Whether the segment from `from` to `to` meets a triangle. In floating point, as
+    /// [`first_hit`](Self::first_hit).
+    pub(crate) fn is_hit(&self, from: &Point, to: &Point) -> bool {
+        let mut is_hit = false;
+        self.each_hit(from, to, |_| {
+            is_hit = true;
+            NOTHING_MORE
+        });
+        is_hit
+    }
+
+    /// Calls `found` with hits, which returns up to which parameter others are of interest.
+    fn each_hit(&self, from: &Point, to: &Point, mut found: impl FnMut(Hit) -> Real) {
+        let (direction, mut limit) = (to - from, 1.0);
         let mut stack = [0u32; STACK];
         let mut top = usize::from(!self.nodes.is_empty());
         while top > 0 {
             top -= 1;
             let n = stack[top];
             let node = &self.nodes[n as usize];
-            let limit = best.map_or(1.0, |h| h.parameter);
             if !segment_meets_box(from, &direction, limit, &node.aabb) {
                 continue;
             }
@@ -40,19 +61,18 @@ impl Bvh {
                 continue;
             }
             for k in node.at as usize..(node.at + node.count) as usize {
-                let limit = best.map_or(1.0, |h| h.parameter);
                 if let Some(parameter) = segment_meets_triangle(from, &direction, &self.corners[k])
                     && parameter <= limit
-                    && best.is_none_or(|h| parameter < h.parameter)
-                    && accept(self.order[k])
                 {
-                    best = Some(Hit { triangle: self.order[k], parameter });
+                    limit = found(Hit { triangle: self.order[k], parameter });
                 }
             }
         }
-        best
     }
 }
+
+/// No hit has a parameter up to this one.
+const NOTHING_MORE: Real = -1.0;
 
 fn segment_meets_box(from: &Point, direction: &Vector, limit: Real, b: &Aabb) -> bool {
     let (mut t0, mut t1) = (0.0, limit);

@@ -45,9 +45,7 @@ pub(super) fn closed_voxels(
     voxels.add_walls(mesh);
     cast_shadow(&mut voxels, mesh, edges, body.skin(), height * SHADOW);
     voxels.add_walls(body.surface().map_or(body_mesh, BodySurface::closed));
-    let loops = edges.boundary_loops(mesh);
-    let closing: Vec<[Point; 3]> =
-        loops.iter().flat_map(|walk| closing(mesh, walk, body, height * CURTAIN)).collect();
+    let closing = curtains_and_caps(mesh, edges, body);
     voxels.add_walls_of(closing.into_par_iter().with_max_len(TASK));
     match body.surface() {
         Some(surface) => voxels.flood(|p| !surface.contains(p)),
@@ -152,6 +150,31 @@ fn segments(
         let w = [1.0 - u - v, u, v];
         [barycentric_point(top, w), barycentric_point(foot.each_ref(), w)]
     })
+}
+
+/// What closes the openings of a garment over `body`.
+pub(super) fn curtains_and_caps(
+    mesh: &TriMesh,
+    edges: &Edges,
+    body: &ClosedLayer,
+) -> Vec<[Point; 3]> {
+    closing_within(mesh, edges, body, body.bvh.aabb().size().max() * CURTAIN)
+}
+
+/// Caps over the openings of a garment over `body`.
+pub(super) fn caps(mesh: &TriMesh, edges: &Edges, body: &ClosedLayer) -> Vec<[Point; 3]> {
+    closing_within(mesh, edges, body, 0.0)
+}
+
+/// As [`curtains_and_caps`], with curtains where the body is within `reach` metres.
+fn closing_within(
+    mesh: &TriMesh,
+    edges: &Edges,
+    body: &ClosedLayer,
+    reach: Real,
+) -> Vec<[Point; 3]> {
+    let loops = edges.boundary_loops(mesh);
+    loops.iter().flat_map(|walk| closing(mesh, walk, body, reach)).collect()
 }
 
 /// Curtains from the loop to the body, and a cap over the loop.

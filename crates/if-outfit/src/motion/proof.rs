@@ -14,10 +14,10 @@ use super::tolerated::Tolerated;
 use if_core::closest::ClosestPoint;
 use if_core::math::{Point, Real};
 use if_core::mesh::TriMesh;
-use if_mesh::exposure::Exposure;
 use if_mesh::index::Bvh;
 use if_mesh::intersections::{own_pairs, pairs};
 use if_mesh::sdf::MeshSdf;
+use if_mesh::solid::{ClosedLayer, Exposure};
 use rayon::prelude::*;
 
 /// Distance up to which a vertex has a side of a layer below, in metres: as the project's referee.
@@ -33,8 +33,9 @@ pub struct Proof {
     /// Vertices on the wrong side of a layer below, once for each layer, by the nearest point of its
     /// surface. A vertex whose nearest point lies on a boundary has no side; nor has one that is 6 cm
     /// from the surface where its part of the garment comes nearer. Vertices of no triangle do not count,
-    /// nor do those over a garment that lie in the open, though under a folded collar, or beside a waist
-    /// that is folded over, the nearest surface faces the wrong way.
+    /// nor do those over a garment that lie in the open, or outside of what closes it over the body as in
+    /// [`verify`](crate::verify()): under a folded collar, or beside a waist that is folded over, the nearest
+    /// surface faces the wrong way.
     pub inside: usize,
     /// For each layer, the body first, its intersecting triangle pairs with itself.
     pub own_pairs: Vec<usize>,
@@ -93,6 +94,7 @@ pub(super) fn prove(scene: &Scene, positions: &[Point], tolerated: &Tolerated) -
             }
         }
     }
+    let mut body = None;
     for (below, (mesh, tree)) in layers.iter().enumerate().take(scene.layers() - 1) {
         // An empty mesh is the only other error, and layers have triangles.
         let Ok(field) = MeshSdf::open(mesh, Real::INFINITY) else { continue };
@@ -110,9 +112,16 @@ pub(super) fn prove(scene: &Scene, positions: &[Point], tolerated: &Tolerated) -
             continue;
         }
         if below > 0 && !found.is_empty() {
-            let exposure = Exposure::new(mesh, tree, &layers[0].1);
+            let skin = &layers[0].0;
+            let body = body.get_or_insert_with(|| ClosedLayer::body(skin));
+            let exposure = Exposure::in_pose(mesh, tree, body);
             found =
                 found.into_par_iter().filter(|v| !exposure.is_exposed(&positions[*v])).collect();
+            if !found.is_empty() {
+                let layer = ClosedLayer::garment(mesh, body, skin);
+                let is_inside = |p: &Point| layer.sided(p, 0.0).is_some_and(|s| s.distance < 0.0);
+                found.retain(|v| is_inside(&positions[*v]));
+            }
         }
         proof.inside += found.len();
     }

@@ -25,6 +25,12 @@ const UNMET: Real = 0.05;
 /// and a step that is halved costs more.
 const THOROUGH: [usize; 2] = [4, 2];
 
+/// Times as many solves at most with the body held far from its own overlaps, while each leaves at most
+/// [`FALLING`] of the pairs that the one before left. More of the body, and more effort, is tried only then.
+const LONGEST: usize = 2;
+/// See [`LONGEST`].
+const FALLING: Real = 0.75;
+
 impl Walker {
     /// Goes towards `target`: contacts along directions of the last clean state, a solve, exact
     /// verification; then again with what intersects held apart. Vertices yield as `yielding` has it, by
@@ -91,7 +97,12 @@ impl Walker {
             if !has_diverged || pairs.is_empty() {
                 known.update(&mesh, &tree, &scene.fans);
                 let found: Vec<[u32; 2]> = known.pairs.iter().map(|p| [p.a, p.b]).collect();
+                let before = pairs.len();
                 pairs = self.tolerated.left(&found);
+                let is_falling = pairs.len() as Real <= FALLING * before as Real;
+                if !widened && is_falling && solves == most && most < LONGEST * params.solves {
+                    most += 1;
+                }
             }
             tracing::debug!(
                 pairs = pairs.len(),

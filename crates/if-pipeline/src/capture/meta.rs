@@ -78,7 +78,8 @@ impl Meta {
     pub(super) fn read(path: &Path) -> Result<Self, CaptureError> {
         let bytes = regular_file::read(path)
             .map_err(|source| CaptureError::Io { path: path.into(), source })?;
-        serde_json::from_slice(&bytes)
+        // Some editors begin files with a byte order mark.
+        serde_json::from_slice(bytes.strip_prefix(b"\xEF\xBB\xBF").unwrap_or(&bytes))
             .map_err(|source| CaptureError::Json { path: path.into(), source })
     }
 

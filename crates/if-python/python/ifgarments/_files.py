@@ -15,11 +15,13 @@ def whole_file(path: str | os.PathLike[str]) -> Iterator[BinaryIO]:
     """A file to fill, which takes the name `path` at the end.
 
     A folder that cannot be written is an error here, before the work. After an exception nothing has
-    changed.
+    changed. A link stays one: what it names is written.
     """
-    target = Path(path)
+    target = Path(os.path.realpath(path))
     if target.is_dir():
         raise IsADirectoryError(f"{target} is a folder; give the name of a file")
+    if target.exists() and not target.is_file():
+        raise OSError(f"{target} is a device or a pipe; give the name of a file")
     try:
         handle, temporary = tempfile.mkstemp(prefix=".ifg-", suffix=".part", dir=target.parent)
     except OSError as error:  # whose text names the temporary file
