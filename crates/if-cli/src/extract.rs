@@ -12,6 +12,7 @@ use crate::target::{Input, Target};
 use crate::values::{above_zero, positive};
 use clap::Args;
 use clap::builder::TypedValueParser;
+use if_core::edges::part_count;
 use if_core::field::{FieldSample, SignedDistance};
 use if_core::math::{Point, Vector, barycentric_point};
 use if_core::mesh::{MeshError, TriMesh};
@@ -26,6 +27,7 @@ use if_mesh::measure::{SurfaceDistance, smallest_angles, surface_distance};
 use if_mesh::ply::{CoordinateType, PlyMesh, WriteParams, quantise, write_path};
 use if_mesh::regular_file;
 use if_mesh::sdf::{MeshSdf, SdfError};
+use if_mesh::seams::weld;
 use if_mesh::validate::faults;
 use if_neural::field::NeuralField;
 use if_neural::files::read_network;
@@ -143,6 +145,7 @@ const SAMPLES: usize = 20_000;
 struct Looks {
     vertices: usize,
     triangles: usize,
+    parts: usize,
     least_angle: f64,
     slivers: usize,
     faults: Vec<String>,
@@ -154,11 +157,24 @@ impl Looks {
         Self {
             vertices: mesh.vertices().len(),
             triangles: angles.len(),
+            parts: weld(mesh).map_or_else(|| part_count(mesh), |w| part_count(&w.mesh)),
             least_angle: angles.iter().copied().fold(180.0, f64::min),
             slivers: angles.iter().filter(|a| **a < SLIVER).count(),
             faults: faults(mesh).iter().map(ToString::to_string).collect(),
         }
     }
+}
+
+/// What to say if the surface has more parts than the mesh that the field is of.
+fn broken_off(before: Option<&Looks>, after: &Looks) -> Option<String> {
+    let before = before?.parts;
+    (after.parts > before).then(|| {
+        format!(
+            "the mesh has {}, the surface {}: thin places came apart; take smaller cells, or remove small parts with `ifg clean`",
+            table::counted(before, "part"),
+            after.parts
+        )
+    })
 }
 
 /// Runs the command.
@@ -216,7 +232,8 @@ pub(crate) fn run(args: &ExtractArgs) -> Result<End, Report> {
     let files = target.commit()?;
     drop(line);
     let warnings = found.report.warnings.iter().map(ToString::to_string);
-    let notes: Vec<String> = source.note().into_iter().chain(warnings).collect();
+    let broken_off = broken_off(looks.0.as_ref(), &looks.1);
+    let notes: Vec<String> = source.note().into_iter().chain(warnings).chain(broken_off).collect();
     if args.json {
         let (before, after) = looks;
         // Paths need not be UTF-8, as JSON must.
@@ -445,6 +462,7 @@ fn told(
     let rows = [
         row("vertices", &|l| count(l.vertices)),
         row("triangles", &|l| count(l.triangles)),
+        row("parts", &|l| count(l.parts)),
         row("least angle, degrees", &|l| format!("{:.1}", l.least_angle)),
         row("triangles below 10 degrees", &|l| count(l.slivers)),
         row("faults", &|l| count(l.faults.len())),
@@ -495,4 +513,25 @@ fn told(
     }
     let names: Vec<String> = files.iter().map(|f| f.display().to_string()).collect();
     text + &format!("wrote {}\n", names.join(", "))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use if_core::shapes::meshes::icosphere;
+
+    #[test]
+    fn parts_that_came_apart_are_noted() {
+        let ball = icosphere(0.1, 1);
+        let n = ball.vertices().len() as u32;
+        let beside = ball.vertices().iter().map(|p| p + Vector::x());
+        let vertices = ball.vertices().iter().copied().chain(beside).collect();
+        let others = ball.triangles().iter().map(|t| t.map(|v| v + n));
+        let two = TriMesh::new(vertices, ball.triangles().iter().copied().chain(others).collect());
+        let [one, two] = [Looks::of(&ball), Looks::of(&two.unwrap())];
+        assert_eq!((one.parts, two.parts), (1, 2));
+        let note = broken_off(Some(&one), &two).unwrap();
+        assert!(note.contains("1 part, the surface 2"), "{note}");
+        assert_eq!([broken_off(Some(&two), &one), broken_off(None, &two)], [None, None]);
+    }
 }

@@ -341,3 +341,16 @@ def test_ctrl_c_twice_ends_the_call_and_not_the_interpreter():
         signal.signal(signal.SIGINT, before)
     assert raised == [signal.SIGINT] * 2
     assert ifgarments.resolve(ball(), [band()]).is_clean
+
+
+@pytest.mark.skipif(os.name == "nt", reason="links need a privilege there")
+def test_a_link_stays_one_and_a_pipe_is_refused(tmp_path):
+    (tmp_path / "elsewhere").mkdir()
+    real, link, pipe = tmp_path / "elsewhere" / "real.png", tmp_path / "link.png", tmp_path / "pipe"
+    link.symlink_to(real)
+    drawn = picture(CLEAN, link)
+    assert link.is_symlink() and real.read_bytes() == drawn
+    os.mkfifo(pipe)
+    with pytest.raises(OSError, match="pipe is a device or a pipe"):
+        picture(CLEAN, pipe)
+    assert pipe.is_fifo() and sorted(p.name for p in tmp_path.iterdir()) == ["elsewhere", "link.png", "pipe"]

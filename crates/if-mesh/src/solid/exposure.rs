@@ -155,6 +155,12 @@ mod tests {
             assert!(is_exposed(&torso(), garment, [-0.11, 0.305]), "beyond the hem");
         }
         assert!(is_exposed(&torso(), &jacket, [0.11, 0.0]), "between the fronts");
+        let (tree, body) = (Bvh::new(&shirt), ClosedLayer::body(&torso()));
+        let in_pose = Exposure::in_pose(&shirt, &tree, &body);
+        for y in [-0.295, 0.0, 0.25] {
+            assert!(!in_pose.is_exposed(&Point::new(-0.11, y, 0.0)), "under its caps: {y}");
+            assert!(in_pose.is_exposed(&Point::new(-0.125, y, 0.0)), "{y}");
+        }
         let with_button = united(&shirt, &about(0.005, 0.01, true), 0.13, false);
         assert!(is_exposed(&torso(), &with_button, [-0.125, 0.0]));
     }

@@ -17,16 +17,16 @@ def whole_file(path: str | os.PathLike[str]) -> Iterator[BinaryIO]:
     A folder that cannot be written is an error here, before the work. After an exception nothing has
     changed. A link stays one: what it names is written.
     """
-    target = Path(os.path.realpath(path))
+    given, target = Path(path), Path(os.path.realpath(path))
     if target.is_dir():
-        raise IsADirectoryError(f"{target} is a folder; give the name of a file")
+        raise IsADirectoryError(f"{given} is a folder; give the name of a file")
     if target.exists() and not target.is_file():
-        raise OSError(f"{target} is a device or a pipe; give the name of a file")
+        raise OSError(f"{given} is a device or a pipe; give the name of a file")
     try:
         handle, temporary = tempfile.mkstemp(prefix=".ifg-", suffix=".part", dir=target.parent)
     except OSError as error:  # whose text names the temporary file
         reason = f"cannot write into the folder: {error.strerror}"
-        raise type(error)(error.errno, reason, str(target)) from None
+        raise type(error)(error.errno, reason, str(given)) from None
     try:
         with open(handle, "wb") as file:
             yield file
