@@ -66,11 +66,22 @@ pub enum PoseError {
         "rotation {joint} is {rotation:?}, of length {length}; it must be a unit quaternion (w, x, y, z)"
     )]
     Rotation { joint: usize, rotation: [Real; 4], length: Real },
+    /// Nearly all joints are turned half round, as if the quaternions were (x, y, z, w).
+    #[error(
+        "{half_turns} of {joints} rotations are half turns about z: are they (x, y, z, w)? Write the scalar first, (w, x, y, z)"
+    )]
+    Order { half_turns: usize, joints: usize },
 }
 
 /// Tolerance of the length of a quaternion. Files hold 4 to 7 decimals, so lengths differ from 1 by
 /// at most 2e-4; ten times more would accept quaternions that were never normalised.
 const UNIT: Real = 2e-3;
+
+/// Fewest joints whose quaternions say in which order their numbers are.
+const JOINTS: usize = 4;
+/// |z| from which on a quaternion is a half turn about z, or one with its scalar at the end that turns by
+/// less than 52°.
+const HALF_TURN: Real = 0.9;
 
 /// Largest translation of the root, and coordinate of a joint, in metres: the circumference of the
 /// Earth. Larger values are mistakes, and overflow the single precision of files.
@@ -81,8 +92,9 @@ impl Pose {
     ///
     /// # Errors
     ///
-    /// [`PoseError`]: a translation that is not finite or too large, or a quaternion whose length
-    /// differs from 1 by more than the rounding of files.
+    /// [`PoseError`]: a translation that is not finite or too large, a quaternion whose length differs
+    /// from 1 by more than the rounding of files, or three quarters of four joints or more turned half
+    /// round about z, as no person is.
     pub fn from_quaternions(
         root_translation: Vector,
         rotations: &[[Real; 4]],
@@ -101,10 +113,13 @@ impl Pose {
                 Err(PoseError::Rotation { joint, rotation, length })
             }
         };
-        Ok(Self {
-            root_translation,
-            rotations: rotations.iter().enumerate().map(turn).collect::<Result<_, _>>()?,
-        })
+        let turns = rotations.iter().enumerate().map(turn).collect::<Result<_, _>>()?;
+        let half_turns = rotations.iter().filter(|q| q[3].abs() > HALF_TURN).count();
+        let joints = rotations.len();
+        if joints >= JOINTS && 4 * half_turns >= 3 * joints {
+            return Err(PoseError::Order { half_turns, joints });
+        }
+        Ok(Self { root_translation, rotations: turns })
     }
 
     /// The quaternions (w, x, y, z).
@@ -116,6 +131,17 @@ impl Pose {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn scalars_at_the_end_are_an_error() {
+        let pose = |rotations: &[[Real; 4]]| Pose::from_quaternions(Vector::zeros(), rotations);
+        let (last, first) = ([0.1, -0.2, 0.0, 0.95_f64.sqrt()], [0.95_f64.sqrt(), 0.1, -0.2, 0.0]);
+        let error = pose(&[last, last, last, first]).unwrap_err();
+        assert_eq!(error, PoseError::Order { half_turns: 3, joints: 4 });
+        assert!(pose(&[last, last, first, first]).is_ok());
+        // A few joints may well be turned so.
+        assert!(pose(&[last; 3]).is_ok() && pose(&[first; 4]).is_ok());
+    }
 
     #[test]
     fn quaternions_that_are_not_of_unit_length_are_errors() {
