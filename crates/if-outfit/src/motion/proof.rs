@@ -1,5 +1,5 @@
 //! The proof of one state: exact intersections of all layers with one another and with themselves,
-//! and sides by the nearest surface, but of what lies in the open.
+//! and sides by the nearest surface and by closed layers, but of what lies in the open.
 //!
 //! ```text
 //! side of a vertex of a part that comes near the layer      by the nearest point, where that is near
