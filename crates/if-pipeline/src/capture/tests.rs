@@ -87,6 +87,9 @@ fn edit(folder: &Path, change: impl FnOnce(&mut Value)) {
 fn a_written_capture_is_read_again() {
     let (parent, path) = captured();
     assert_eq!(fs::read_dir(parent.path()).unwrap().count(), 1, "no temporary folder is left");
+    // Some editors put a byte order mark before the text.
+    let meta = fs::read(path.join("meta.json")).unwrap();
+    fs::write(path.join("meta.json"), [b"\xEF\xBB\xBF", &meta[..]].concat()).unwrap();
     let capture = Capture::open(&path).unwrap();
     assert_eq!((capture.len(), capture.garments()), (3, &["shirt".to_owned()][..]));
     assert_eq!(capture.camera(), &subject().camera);

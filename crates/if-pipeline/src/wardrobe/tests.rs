@@ -133,6 +133,19 @@ fn a_damaged_body_is_not_replaced_by_another_of_its_name() {
 }
 
 #[test]
+fn the_longest_name_that_is_taken_gets_a_number_too() {
+    let root = tempfile::tempdir().unwrap();
+    let mut wardrobe = filled(root.path());
+    let longest = "n".repeat(64);
+    fs::create_dir_all(root.path().join("bodies").join(&longest)).unwrap();
+    let (other, ply) = (root.path().join("files/other.ply"), PlyMesh::new(body(&COARSE)));
+    let wider: Vec<Point> = ply.mesh.vertices().iter().map(|p| p * 1.01).collect();
+    write_path(&ply, &wider, &WriteParams::default(), &other).unwrap();
+    let name = wardrobe.add_body_once(&NewBody::new(&longest, &other)).unwrap().name;
+    assert_eq!(name, "n".repeat(62) + "_2");
+}
+
+#[test]
 fn folders_of_the_user_are_not_replaced() {
     let root = tempfile::tempdir().unwrap();
     let mut wardrobe = filled(root.path());
