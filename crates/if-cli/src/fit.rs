@@ -461,6 +461,21 @@ mod tests {
     }
 
     #[test]
+    fn winding_and_units_are_doubted() {
+        let ball = |radius| if_core::shapes::meshes::icosphere(radius, 1);
+        assert_eq!(doubts(&ball(0.8)), Vec::<String>::new());
+        let [units] = &doubts(&ball(80.0))[..] else { panic!("one doubt") };
+        assert!(units.contains("likely centimetres"), "{units}");
+        let whole = ball(0.8);
+        let turn =
+            |(k, [a, b, c]): (usize, &[u32; 3])| if k < 9 { [*a, *c, *b] } else { [*a, *b, *c] };
+        let mixed = whole.triangles().iter().enumerate().map(turn).collect();
+        let mixed = TriMesh::new(whole.vertices().to_vec(), mixed).unwrap();
+        let [winding] = &doubts(&mixed)[..] else { panic!("one doubt") };
+        assert!(winding.contains("opposite orientations"), "{winding}");
+    }
+
+    #[test]
     fn the_table_fits_100_columns_and_is_plain() {
         let text = errors_of(&report(Ended::Time));
         assert!(text.contains("0.200") && text.contains("12.300"), "{text}");

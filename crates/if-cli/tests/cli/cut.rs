@@ -53,6 +53,18 @@ fn cut_writes_one_mesh_for_each_label_with_attributes_and_a_table() {
         "{}",
         run.stdout
     );
+    assert!(!run.stdout.contains("likely"), "{}", run.stdout);
+    let ply = read_bytes(&folder.read("labelled.ply")).unwrap();
+    let larger: Vec<_> = ply.mesh.vertices().iter().map(|p| p * 170.0).collect();
+    let mut bytes = Vec::new();
+    write(&ply, &larger, &WriteParams::default(), &mut bytes).unwrap();
+    folder.write("larger.ply", bytes);
+    let larger = folder.ifg("cut larger.ply --out larger --smooth 17 --no-pictures").expect(0);
+    assert!(
+        larger.stdout.contains("the input: 170 units high: likely centimetres"),
+        "{}",
+        larger.stdout
+    );
     assert!(folder.read("pieces/labels_before.png").starts_with(b"\x89PNG"));
     let shirt = read_bytes(&folder.read("pieces/shirt.ply")).unwrap();
     assert_eq!(

@@ -208,6 +208,16 @@ fn where_a_garment_is_worn_can_be_said_and_a_batch_may_write_no_meshes() {
     folder.ifg(&format!("{batch} --seed 5 --no-meshes --out again")).expect(0);
     folder.ifg(&format!("{batch} --seed 5 --out whole")).expect(0);
     folder.ifg(&format!("{batch} --seed 6 --no-meshes --out six")).expect(0);
+    folder.write("list.json", "\u{feff}{\"outfit\": []}");
+    for option in ["--body slim", "--seed 7", "--least 9", "--any-order"] {
+        let refused =
+            folder.ifg(&format!("wardrobe batch w --list list.json {option} --out no")).expect(2);
+        assert!(
+            refused.stderr.contains("'--list <FILE>' cannot be used with"),
+            "{}",
+            refused.stderr
+        );
+    }
     let names = |out: &str, end: &str| {
         let files = results(&folder, out).into_iter().map(|(path, _)| path);
         let mut names: Vec<_> =
