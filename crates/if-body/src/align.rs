@@ -1,20 +1,21 @@
 //! Alignment: transfers garments from one body to another.
 //!
 //! Garments are in the canonical pose of the body that they were made on. A [`BodyMap`] holds sites
-//! all over the source body with their positions on the target body, and interpolates their offsets
-//! at any point near the body:
+//! all over the source body with their positions on the target body. One similarity A brings the
+//! bodies as near to each other as it can; what it leaves is interpolated at any point near the body:
 //!
 //! ```text
-//! y = x + u(x),   u(x) = Σ gᵢ (tᵢ − sᵢ) / Σ gᵢ      over the k sites sᵢ nearest to x
+//! y = A(x) + u(x),   u(x) = Σ gᵢ (tᵢ − A(sᵢ)) / Σ gᵢ      over the k sites sᵢ nearest to x
 //! gᵢ = exp(−(|x − sᵢ|² − d²) / 2σ²) (1 − |x − sᵢ|² / r²)² (floor + cos(weights of x, weights of sᵢ))
 //! σ  = max(least width, growth · d),   d and r: distances of the nearest and of the k-th site
 //! ```
 //!
-//! Near the body u is the offset of the skin below, so that tight garments stay tight. Farther away
+//! Near the body the offset is that of the skin below, so that tight garments stay tight. Farther away
 //! the sum averages over a patch as wide as the distance to the body, so that a coat or skirt
-//! follows the body as a whole, without its details. The ease (the gap to the body) is kept in
-//! metres and not scaled. The skinning weights keep a sleeve with its arm where the arm is close to
-//! the trunk.
+//! follows the body as a whole, without its details. The ease (the gap to the body) grows and shrinks
+//! with the whole person. Were it kept in metres, the offsets of two legs of a smaller person would point
+//! at each other, and a coat between them would be folded. The skinning weights keep a sleeve with its arm
+//! where the arm is close to the trunk.
 //!
 //! The sites come from one [`Method`] of three: the vertices of two bodies with the same topology,
 //! else a registration of one surface onto the other, else one similarity for all points.
@@ -90,6 +91,8 @@ enum Kind {
 
 #[derive(Clone, Debug)]
 struct Sites {
+    similarity: Similarity,
+    /// From the images of the sites to their positions on the target.
     offsets: Vec<Vector>,
     skin: Option<SkinWeights>,
     tree: PointTree,
@@ -115,7 +118,7 @@ impl BodyMap {
         for (source, skin, target) in templates.into_iter().chain([(from.mesh, from.skin, to.mesh)])
         {
             if share_topology(source, target) {
-                let kind = sites(source.vertices(), target.vertices(), skin);
+                let kind = sites(source, target.vertices(), skin);
                 return Ok(map(kind, Method::Topology, 0.0));
             }
         }
@@ -123,7 +126,7 @@ impl BodyMap {
         let start = similarity::start(from, to, &similarity);
         let registered = register::register(from.mesh, to.mesh, start);
         if registered.is_good(params, to.mesh) {
-            let kind = sites(from.mesh.vertices(), &registered.positions, from.skin);
+            let kind = sites(from.mesh, &registered.positions, from.skin);
             return Ok(map(kind, Method::Registered, registered.residual));
         }
         let residual =
@@ -180,7 +183,10 @@ impl BodyMap {
         let one = |found: &mut Vec<(Real, u32)>, (v, p): (usize, &Point)| match &self.kind {
             Kind::Same => *p,
             Kind::Similar(similarity) => similarity.point(p),
-            Kind::Sites(sites) => p + sites.offset(p, skin.map(|s| (s, v)), &self.params, found),
+            Kind::Sites(sites) => {
+                let offset = sites.offset(p, skin.map(|s| (s, v)), &self.params, found);
+                sites.similarity.point(p) + offset
+            }
         };
         Ok(points.par_iter().enumerate().with_min_len(256).map_init(Vec::new, one).collect())
     }
@@ -235,9 +241,11 @@ fn share_topology(a: &TriMesh, b: &TriMesh) -> bool {
     common as Real >= SHARED_EDGES * a.len().max(b.len()) as Real
 }
 
-fn sites(from: &[Point], to: &[Point], skin: Option<&SkinWeights>) -> Kind {
-    let offsets = from.iter().zip(to).map(|(a, b)| b - a).collect();
-    Kind::Sites(Box::new(Sites { offsets, skin: skin.cloned(), tree: PointTree::new(from) }))
+fn sites(from: &TriMesh, to: &[Point], skin: Option<&SkinWeights>) -> Kind {
+    let similarity = Similarity::of_surface(from, to);
+    let offsets = from.vertices().iter().zip(to).map(|(a, b)| b - similarity.point(a)).collect();
+    let (skin, tree) = (skin.cloned(), PointTree::new(from.vertices()));
+    Kind::Sites(Box::new(Sites { similarity, offsets, skin, tree }))
 }
 
 impl Sites {

@@ -185,6 +185,25 @@ impl BodySequence {
         false
     }
 
+    /// Neighbouring files between which others of a series seem to be missing: one number of their names
+    /// ascends by the same step elsewhere, and by more here.
+    pub fn gaps(&self) -> Vec<[&Path; 2]> {
+        let path = self.frames.iter().filter_map(|frame| match frame {
+            Frame::File(path) => Some(path.as_path()),
+            Frame::Positions(_) => None,
+        });
+        let files: Vec<&Path> = path.collect();
+        let steps: Vec<Option<u64>> = files.windows(2).map(|two| step(two[0], two[1])).collect();
+        let usual = steps.iter().flatten().min().copied();
+        let is_usual = |step: &&Option<u64>| **step == usual;
+        if 2 * steps.iter().filter(is_usual).count() <= steps.len() {
+            return Vec::new();
+        }
+        let gaps =
+            files.windows(2).zip(&steps).filter(|(_, step)| step.is_some_and(|s| Some(s) > usual));
+        gaps.map(|(two, _)| [two[0], two[1]]).collect()
+    }
+
     /// The positions of the body in a frame.
     ///
     /// # Errors
@@ -223,11 +242,27 @@ impl BodySequence {
     }
 }
 
+/// By how much the number in which two names differ ascends; `None` if they differ otherwise.
+fn step(first: &Path, second: &Path) -> Option<u64> {
+    let [a, b] = [first, second].map(stem);
+    let [a, b] = [parts(&a), parts(&b)];
+    let mut unlike = a.1.iter().zip(&b.1).filter(|(a, b)| a != b);
+    let (Some((a, b)), None, true) = (unlike.next(), unlike.next(), a.0 == b.0) else {
+        return None;
+    };
+    let number = |digits: &str| if digits.is_empty() { Ok(0) } else { digits.parse::<u64>() };
+    number(b.1).ok()?.checked_sub(number(a.1).ok()?)
+}
+
+/// The name of a file without its extension.
+fn stem(path: &Path) -> String {
+    path.file_stem().unwrap_or_default().to_string_lossy().into_owned()
+}
+
 /// Refuses names whose numbers do not ascend though all else is equal: `body_10` sorts before `body_9`.
 fn check_order(folder: &Path, files: &[PathBuf]) -> Result<(), SequenceError> {
-    let stem = |path: &PathBuf| path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
     for two in files.windows(2) {
-        let stems = [&two[0], &two[1]].map(stem);
+        let stems = [&two[0], &two[1]].map(|path| stem(path));
         let [a, b] = [&stems[0], &stems[1]].map(|stem| parts(stem));
         if a.0 == b.0 && a.1 >= b.1 {
             let name = |path: &PathBuf| {
@@ -336,6 +371,7 @@ mod tests {
             (y(&sequence, 2) - 3.0).abs() < 1e-6 && (y(&sequence.every(2), 1) - 3.0).abs() < 1e-6
         );
         assert_eq!(sequence.every(2).frames_per_second, 15.0);
+        assert!(sequence.gaps().is_empty());
         // The tenth sorts before the ninth.
         write("body_10.ply", &rest);
         let error = open().unwrap_err().to_string();
@@ -379,6 +415,35 @@ mod tests {
         for rate in [0.0, -1.0, Real::NAN, 1e-300, 1e300] {
             let error = BodySequence::open(folder.path(), &rest, rate);
             assert!(matches!(error, Err(SequenceError::Rate(_))));
+        }
+    }
+
+    #[test]
+    fn gaps_of_a_regular_series_are_told() {
+        let rest = icosphere(1.0, 1);
+        let gaps = |names: &[&str]| {
+            let frames = names.iter().map(|name| Frame::File(PathBuf::from(name))).collect();
+            let (vertices, frames_per_second) = (rest.vertices().len(), 30.0);
+            let sequence = BodySequence { frames, vertices, frames_per_second };
+            let pairs = sequence.gaps();
+            pairs
+                .iter()
+                .map(|two| two.map(|path| path.to_str().unwrap().to_owned()))
+                .collect::<Vec<_>>()
+        };
+        let missing = [["b_0001.ply".to_owned(), "b_0003.ply".to_owned()]];
+        assert_eq!(gaps(&["b_0000.ply", "b_0001.ply", "b_0003.ply", "b_0004.ply"]), missing);
+        let tens = gaps(&["w2_t00.ply", "w2_t10.ply", "w2_t20.ply", "w2_t40.ply"]);
+        assert_eq!(tens, [["w2_t20.ply".to_owned(), "w2_t40.ply".to_owned()]]);
+        // No series: names without numbers, of other words, with other steps each, and too few.
+        for names in [
+            &["a.ply", "b.ply", "d.ply"][..],
+            &["a1.ply", "b2.ply", "c4.ply"],
+            &["a1.ply", "a2.ply", "a5.ply", "a9.ply"],
+            &["a1.ply", "a7.ply"],
+            &["a1.ply"],
+        ] {
+            assert_eq!(gaps(names), [[""; 2]; 0], "{names:?}");
         }
     }
 

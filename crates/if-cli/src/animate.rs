@@ -44,6 +44,7 @@ use std::fs::File;
 use std::io::{self, BufWriter};
 use std::ops::Range;
 use std::path::{Path, PathBuf};
+use std::time::Instant;
 
 #[derive(Args, Debug, Clone)]
 #[command(mut_arg("scale", |scale| scale.hide(true)))] // refused: frames are in metres
@@ -191,6 +192,7 @@ pub(crate) fn animated(spec: &OutfitSpec, args: &Options) -> Result<End, Report>
         Ok(animation) => animation,
         Err(error) => return stopped(error),
     };
+    let start = Instant::now();
     let mut between = match args.continuous {
         false => None,
         true => match between_frames(movement.outfit(), &animation.frames, &mut monitor) {
@@ -199,6 +201,7 @@ pub(crate) fn animated(spec: &OutfitSpec, args: &Options) -> Result<End, Report>
             Err(source) => return Err(AnimateFault::Animate { source }.into()),
         },
     };
+    let between_seconds = args.continuous.then(|| start.elapsed().as_secs_f64());
     // What is said about frames is said of their numbers in the motion.
     let number = |frame| args.source.number(frame);
     animation.report.frames.iter_mut().for_each(|row| row.frame = number(row.frame));
@@ -253,6 +256,7 @@ pub(crate) fn animated(spec: &OutfitSpec, args: &Options) -> Result<End, Report>
         "outputs": names,
         "report": animation.report,
         "between_frames": between,
+        "between_seconds": between_seconds,
         "meshes_less_clean": rounded,
     });
     let text = serde_json::to_string_pretty(&report).into_diagnostic()? + "\n";
@@ -272,7 +276,7 @@ pub(crate) fn animated(spec: &OutfitSpec, args: &Options) -> Result<End, Report>
             misplaced,
         };
         let head = spec.title();
-        let found = (&animation.report, between.as_deref());
+        let found = (&animation.report, between.as_deref().zip(between_seconds));
         print(&format!("{head}\n\n{}", summary::text(found, notes, &args.out, &names)))?;
     }
     Ok(end(&animation, between.as_deref(), rounded, args.strict))

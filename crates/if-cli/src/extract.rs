@@ -90,7 +90,7 @@ enum ExtractFault {
     #[diagnostic(
         code(ifg::extract::read),
         help(
-            "give a .ply, .obj, .glb or .gltf file of a closed mesh, or a .safetensors file that `ifg fit` wrote"
+            "give a .ply, .obj, .glb, .gltf or .vrm file of a closed mesh, or a .safetensors file that `ifg fit` wrote"
         )
     )]
     Read { path: PathBuf, source: ErrorChain },

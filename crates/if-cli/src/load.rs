@@ -102,7 +102,7 @@ fn outfit_advice(error: &OutfitError, given: f64) -> String {
 /// What to do about a file that cannot be read.
 pub(crate) fn reading_advice(error: &ReadError) -> &'static str {
     match error {
-        ReadError::Extension { .. } => "give a .ply, .obj, .glb or .gltf file",
+        ReadError::Extension { .. } => "give a .ply, .obj, .glb, .gltf or .vrm file",
         ReadError::Io { .. } => {
             "look at the path; relative paths in an outfit file start at its folder"
         }

@@ -21,6 +21,13 @@ pub(crate) fn not_kept(ply: &PlyMesh) -> Vec<String> {
     if ply.polygons.iter().flat_map(Polygons::iter).any(|face| face.len() > 3) {
         notes.push("faces of more than three corners are written as triangles".into());
     }
+    let folded = ply.polygons.as_ref().map_or(Vec::new(), |p| p.folded(ply.mesh.vertices()));
+    if let Some(first) = folded.first() {
+        let count = folded.len();
+        notes.push(format!(
+            "the triangles of {count} concave faces fold over each other, the first of them of face {first}; split these faces into triangles first"
+        ));
+    }
     if let Some(first) = ply.collapsed.first() {
         let count = ply.collapsed.len();
         notes.push(format!(
@@ -36,5 +43,27 @@ pub(crate) fn inner_parts(field: &MeshSdf) -> Option<String> {
         0 => None,
         1 => Some("a part that lies inside another one was left out".into()),
         n => Some(format!("{n} parts that lie inside others were left out")),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn concave_faces_are_named_with_what_is_not_kept() {
+        let of = |face: &str| {
+            let text = format!(
+                "ply\nformat ascii 1.0\nelement vertex 4\nproperty float x\nproperty float y\nproperty float z\n\
+                 element face 1\nproperty list uchar int vertex_indices\nend_header\n0 0 0\n2 2 0\n0 4 0\n1 2 0\n4 {face}\n"
+            );
+            not_kept(&if_mesh::ply::read_bytes(text.as_bytes()).unwrap())
+        };
+        let [written, folded] = &of("0 1 2 3")[..] else { panic!("two notes") };
+        assert!(written.contains("written as triangles"), "{written}");
+        assert!(
+            folded.contains("1 concave faces fold over each other, the first of them of face 0")
+        );
+        assert_eq!(of("3 0 1 2"), [written.clone()], "the same face from its notch");
     }
 }

@@ -38,7 +38,7 @@ pub(crate) fn outcome(
     }
     let done = match outcome {
         Outcome::Cancelled => {
-            return Ok(cancel::end(&spec.name));
+            return Ok(cancel::end(out.display()));
         }
         Outcome::Finished(state) => {
             if style != Style::Json {

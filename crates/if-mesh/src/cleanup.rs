@@ -60,7 +60,7 @@ pub use error::CleanupError;
 pub use fill::fill_holes;
 pub(crate) use lid::{Lid, Rim};
 pub use manifold::make_manifold;
-pub use openings::{Complement, Openings};
+pub use openings::{Around, Complement, Openings};
 pub use params::{CleanupParams, ComponentParams, FillParams, MAX_PASSES, SmoothParams};
 pub use report::{
     CleanupReport, Component, ComponentReport, DegenerateReport, FillReport, FilledHole,

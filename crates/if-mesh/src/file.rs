@@ -116,7 +116,7 @@ pub fn is_gltf(path: &Path) -> bool {
 #[allow(missing_docs)] // the messages explain the fields
 pub enum ReadError {
     /// The extension is not that of a supported format.
-    #[error("{}: the extension must be .ply, .obj, .glb or .gltf", path.display())]
+    #[error("{}: the extension must be .ply, .obj, .glb, .gltf or .vrm", path.display())]
     Extension { path: PathBuf },
     /// The file cannot be read.
     #[error("{}: {source}", path.display())]
@@ -260,6 +260,17 @@ impl MeshFile {
             Content::Obj(obj) => obj.text(),
             Content::Gltf(gltf) => gltf.bytes(),
         }
+    }
+
+    /// Indices of the file's faces whose triangles fold over each other
+    /// ([`Polygons::folded`](crate::polygons::Polygons::folded)): concave faces, for the most part.
+    pub fn folded_faces(&self) -> Vec<usize> {
+        let polygons = match &self.content {
+            Content::Ply(ply) => ply.polygons.as_ref(),
+            Content::Obj(obj) => obj.polygons(),
+            Content::Gltf(_) => None,
+        };
+        polygons.map_or(Vec::new(), |polygons| polygons.folded(self.mesh().vertices()))
     }
 
     /// Indices of the file's faces that use a vertex twice, and so have fewer triangles than their

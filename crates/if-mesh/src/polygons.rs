@@ -1,5 +1,6 @@
 //! The faces of a file, beside the triangles that the rest of the crate uses.
 
+use if_core::math::{Point, Real, Vector};
 use if_core::mesh::Triangles;
 
 /// Faces of three corners or more, as consecutive vertex indices.
@@ -60,6 +61,26 @@ impl Polygons {
         self.fans().collect()
     }
 
+    /// Indices of the faces whose fans fold over themselves at these positions: concave faces with
+    /// their hollow away from the first corner, and some that are far from flat. A triangle of
+    /// their fan faces away from the face.
+    ///
+    /// # Panics
+    ///
+    /// If a corner is out of range of `positions`.
+    pub fn folded(&self, positions: &[Point]) -> Vec<usize> {
+        let of = |face: &[u32]| {
+            let area = |t: [u32; 3]| {
+                let [a, b, c] = t.map(|v| positions[v as usize]);
+                (b - a).cross(&(c - a))
+            };
+            let whole: Vector = fan(face).map(area).sum();
+            fan(face).any(|t| area(t).dot(&whole) < -FLAT * whole.norm_squared())
+        };
+        let is_folded = |(_, face): &(usize, &[u32])| face.len() > 3 && of(face);
+        self.iter().enumerate().filter(is_folded).map(|(f, _)| f).collect()
+    }
+
     pub(crate) fn fans(&self) -> impl Iterator<Item = [u32; 3]> {
         self.iter().flat_map(fan).filter(|[a, b, c]| a != b && b != c && c != a)
     }
@@ -95,6 +116,9 @@ pub(crate) struct FaceList {
     /// Indices of faces that use a vertex twice.
     pub(crate) collapsed: Vec<u32>,
 }
+
+/// Area of a triangle, as a share of its face, up to which it faces nowhere: three corners on a line.
+const FLAT: Real = 1e-6;
 
 /// Maximum number of corners for 32-bit offsets.
 const MAX_CORNERS: usize = u32::MAX as usize;
@@ -156,6 +180,18 @@ mod tests {
             [&[0, 1, 2][..], &[3, 4, 5, 6, 7], &[1, 2, 3]]
         );
         assert_eq!(polygons.face(1).len(), 5);
+    }
+
+    #[test]
+    fn fans_fold_at_a_hollow_that_their_first_corner_does_not_see() {
+        // An arrowhead with its notch at corner 3, and a square with a fifth corner on an edge.
+        let at = [[0, 0], [2, 2], [0, 4], [1, 2], [4, 0], [4, 4], [0, 2]];
+        let at = at.map(|[x, y]| Point::new(x.into(), y.into(), 0.0));
+        let faces = [&[0, 1, 2, 3][..], &[3, 0, 1, 2], &[0, 4, 5, 2, 6], &[4, 5, 2, 0], &[0, 4, 1]];
+        let faces = Polygons::new(faces).unwrap();
+        assert_eq!(faces.folded(&at), [0]);
+        let line = Polygons::new([[0, 4, 4, 0]]).unwrap();
+        assert!(line.folded(&at).is_empty());
     }
 
     #[test]

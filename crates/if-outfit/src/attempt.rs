@@ -193,7 +193,8 @@ impl Attempt {
         strategies.untangling_rounds = self.untangled.rounds[index];
         strategies.untangled_own_pairs = given.own.len() - left.len();
         let removes = params.goal.own == Own::Remove && !findings.own.is_empty();
-        let kept_own_pairs = if removes { kept(&dressed.mesh, left) } else { Vec::new() };
+        let kept_own_pairs =
+            if removes { kept(&dressed.mesh, &given.own, left) } else { Vec::new() };
         LayerReport {
             name: self.outfit.garments[index].name.clone(),
             moved: *moved,

@@ -204,6 +204,12 @@ pub(crate) fn read_info(folder: &Path) -> Result<AssetInfo, AssetError> {
     Ok(info)
 }
 
+/// That there is a file at `path`, without reading it.
+pub(crate) fn check_there(path: &Path) -> Result<(), AssetError> {
+    let found = fs::metadata(path).map(drop);
+    found.map_err(|source| AssetError::Io { path: path.into(), source })
+}
+
 impl Asset {
     /// The content of the garment's file.
     pub fn file(&self) -> PlyMesh {

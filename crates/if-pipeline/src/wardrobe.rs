@@ -222,16 +222,19 @@ impl Wardrobe {
     /// The metadata of a body's folder. Renaming the folder renames the body.
     fn stored_body(&self, name: &str) -> Result<BodyInfo, WardrobeError> {
         asset::check_name(name)?;
-        Ok(BodyInfo { name: name.into(), ..body::read_info(&self.root.join(BODIES).join(name))? })
+        let folder = self.root.join(BODIES).join(name);
+        let info = body::read_info(&folder)?;
+        asset::check_there(&folder.join(&info.mesh.file))?;
+        Ok(BodyInfo { name: name.into(), ..info })
     }
 
     /// The metadata of a garment's folder.
     fn stored_garment(&self, name: &str) -> Result<AssetInfo, WardrobeError> {
         asset::check_name(name)?;
-        Ok(AssetInfo {
-            name: name.into(),
-            ..asset::read_info(&self.root.join(GARMENTS).join(name))?
-        })
+        let folder = self.root.join(GARMENTS).join(name);
+        let info = asset::read_info(&folder)?;
+        asset::check_there(&folder.join(&info.garment.file))?;
+        Ok(AssetInfo { name: name.into(), ..info })
     }
 
     /// The folder of the wardrobe.

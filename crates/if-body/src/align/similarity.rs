@@ -3,7 +3,8 @@
 use super::{AlignError, BodyShape};
 use crate::skeleton::SHORT;
 use if_core::aabb::Aabb;
-use if_core::math::{Point, Real, Vector};
+use if_core::math::{Point, Real, Vector, area_vector, barycentric_point};
+use if_core::mesh::TriMesh;
 use nalgebra::{Matrix3, Rotation3};
 
 /// A similarity: y = s R (x − a) + b.
@@ -45,6 +46,25 @@ impl Similarity {
         Ok(Self { rotation: Rotation3::identity(), scale, from: foot(&a), to: foot(&b) })
     }
 
+    /// The least-squares similarity of the surface `from` and the same with its vertices at `to`; the
+    /// identity if there is none.
+    pub(super) fn of_surface(from: &TriMesh, to: &[Point]) -> Self {
+        let of = |t: &[u32; 3]| {
+            let at = |positions: &[Point]| t.map(|v| positions[v as usize]);
+            let (a, b) = (at(from.vertices()), at(to));
+            let middle =
+                |corners: &[Point; 3]| barycentric_point(corners.each_ref(), [1.0 / 3.0; 3]);
+            (middle(&a), middle(&b), area_vector(&a[0], &a[1], &a[2]).norm())
+        };
+        let pairs: Vec<_> = from.triangles().iter().map(of).collect();
+        umeyama(&pairs).unwrap_or(Self {
+            rotation: Rotation3::identity(),
+            scale: 1.0,
+            from: Point::origin(),
+            to: Point::origin(),
+        })
+    }
+
     /// The image of a point.
     #[inline]
     pub(super) fn point(&self, p: &Point) -> Point {
@@ -52,23 +72,24 @@ impl Similarity {
     }
 }
 
-/// Positions of the joints that have the same names on both bodies.
-fn same_joints(from: &BodyShape, to: &BodyShape) -> Vec<(Point, Point)> {
+/// Positions of the joints that have the same names on both bodies, with equal weights.
+fn same_joints(from: &BodyShape, to: &BodyShape) -> Vec<(Point, Point, Real)> {
     let (Some(a), Some(b)) = (from.skeleton, to.skeleton) else { return Vec::new() };
     let twin = |name: &str| b.joints().iter().find(|j| j.name == name);
-    a.joints().iter().filter_map(|j| Some((j.head, twin(&j.name)?.head))).collect()
+    a.joints().iter().filter_map(|j| Some((j.head, twin(&j.name)?.head, 1.0))).collect()
 }
 
-fn umeyama(pairs: &[(Point, Point)]) -> Option<Similarity> {
+/// The least-squares similarity of pairs of points with weights.
+fn umeyama(pairs: &[(Point, Point, Real)]) -> Option<Similarity> {
     if pairs.len() < LEAST_JOINTS {
         return None;
     }
-    let n = pairs.len() as Real;
-    let from = Point::from(pairs.iter().map(|p| p.0.coords).sum::<Vector>() / n);
-    let to = Point::from(pairs.iter().map(|p| p.1.coords).sum::<Vector>() / n);
-    let spread = pairs.iter().map(|p| (p.0 - from).norm_squared()).sum::<Real>() / n;
-    let covariance: Matrix3<Real> =
-        pairs.iter().map(|p| (p.1 - to) * (p.0 - from).transpose()).sum::<Matrix3<Real>>() / n;
+    let n = pairs.iter().map(|p| p.2).sum::<Real>();
+    let from = Point::from(pairs.iter().map(|p| p.0.coords * p.2).sum::<Vector>() / n);
+    let to = Point::from(pairs.iter().map(|p| p.1.coords * p.2).sum::<Vector>() / n);
+    let spread = pairs.iter().map(|p| (p.0 - from).norm_squared() * p.2).sum::<Real>() / n;
+    let product = |p: &(Point, Point, Real)| (p.1 - to) * (p.0 - from).transpose() * p.2;
+    let covariance: Matrix3<Real> = pairs.iter().map(product).sum::<Matrix3<Real>>() / n;
     let svd = covariance.svd(true, true);
     let (u, v) = (svd.u?, svd.v_t?);
     // Collinear joints do not determine the rotation about their line.
@@ -134,19 +155,19 @@ mod tests {
         };
         let points =
             [[0.0, 0.0, 0.0], [1.0, 0.2, 0.0], [0.3, 1.0, -0.4], [0.2, -0.5, 0.9], [0.7, 0.7, 0.1]];
-        let pairs: Vec<(Point, Point)> =
-            points.map(Point::from).iter().map(|p| (*p, truth.point(p))).collect();
+        let pairs: Vec<(Point, Point, Real)> =
+            points.map(Point::from).iter().map(|p| (*p, truth.point(p), 1.0 + p.x)).collect();
         for n in [3, 5] {
             let fit = umeyama(&pairs[..n]).unwrap();
             approx::assert_relative_eq!(fit.scale, 1.3, max_relative = 1e-12);
-            for (p, q) in &pairs {
+            for (p, q, _) in &pairs {
                 approx::assert_relative_eq!(fit.point(p), *q, epsilon = 1e-12);
             }
         }
         assert!(umeyama(&pairs[..2]).is_none());
-        let line: Vec<(Point, Point)> =
-            (0..5).map(|k| Point::new(0.0, Real::from(k), 0.0)).map(|p| (p, p)).collect();
+        let line: Vec<(Point, Point, Real)> =
+            (0..5).map(|k| Point::new(0.0, Real::from(k), 0.0)).map(|p| (p, p, 1.0)).collect();
         assert!(umeyama(&line).is_none());
-        assert!(umeyama(&[(Point::origin(), Point::origin()); 5]).is_none());
+        assert!(umeyama(&[(Point::origin(), Point::origin(), 1.0); 5]).is_none());
     }
 }

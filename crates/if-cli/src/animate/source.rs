@@ -1,6 +1,7 @@
 //! What moves the outfit: a motion of a skeleton, or a folder of bodies.
 
 use super::faults::AnimateFault;
+use crate::errors;
 use crate::outfit_file::OutfitSpec;
 use clap::Args;
 use if_body::{BodySequence, Motion, Skeleton};
@@ -60,6 +61,12 @@ impl Source {
             let body = &files.outfit().body.mesh;
             let sequence = BodySequence::open(&args.motion, body, rate)
                 .map_err(|source| AnimateFault::Bodies { path: args.motion.clone(), source })?;
+            if let Some([before, after]) = sequence.gaps().first() {
+                let [before, after] = [before, after].map(|path| path.display());
+                errors::note(&format!(
+                    "between `{before}` and `{after}` frames seem to be missing; one follows the other at once"
+                ));
+            }
             let sequence = sequence.part(args.range(sequence.len())?).every(args.every.get());
             return Ok(Self::Bodies(sequence));
         }

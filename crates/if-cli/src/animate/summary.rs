@@ -39,7 +39,7 @@ pub(super) struct Notes<'a> {
 
 /// What is printed.
 pub(super) fn text(
-    (report, between): (&AnimationReport, Option<&[IntervalReport]>),
+    (report, between): (&AnimationReport, Option<(&[IntervalReport], f64)>),
     notes: Notes<'_>,
     out: &Path,
     names: &[String],
@@ -55,11 +55,12 @@ pub(super) fn text(
         0 => String::new(),
         n => format!(", {n} frames kept from an earlier run"),
     };
-    let between = between.map_or(String::new(), between_text);
+    let way = between.map_or(String::new(), |(_, s)| format!(", {s:.1} s for the ways between"));
+    let between = between.map_or(String::new(), |(between, _)| between_text(between));
     let (pinches, let_go, noticed) = (pinches(frames), let_go(frames), noticed(&notes));
     format!(
         "{rows}\n\n{pinches}{let_go}{between}{noticed}{}: {} clean, {} clean everywhere; body at most {:.1} mm, {:.0} mm from its overlaps, jitter p99 {:.2} mm, \
-         at most {:.1} mm, shake p99 {:.2} mm; {:.2} s a frame, {:.1} s in all{kept}\nWrote {}: {}\n",
+         at most {:.1} mm, shake p99 {:.2} mm; {:.2} s a frame, {:.1} s in all{way}{kept}\nWrote {}: {}\n",
         counted(frames.len(), "frame"),
         count(report.clean),
         count(report.clean_everywhere),

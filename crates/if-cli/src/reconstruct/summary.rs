@@ -59,7 +59,7 @@ pub(super) fn summary(name: &str, report: &ReconstructReport, seconds: f64) -> S
     }
     for garment in &report.garments {
         text += &format!(
-            "  {}: {} triangles, {} openings{}, {} holes filled, {} left\n",
+            "  {}: {} triangles, {} openings{}, {} holes filled, {} left{}\n",
             garment.name,
             garment.triangles,
             garment.openings,
@@ -69,7 +69,11 @@ pub(super) fn summary(name: &str, report: &ReconstructReport, seconds: f64) -> S
                 _ => String::new(),
             },
             garment.filled,
-            garment.holes_left
+            garment.holes_left,
+            match garment.tunnels {
+                0 => String::new(),
+                n => format!(", {n} tunnels through it"),
+            }
         );
     }
     text
@@ -88,6 +92,13 @@ pub(super) fn warnings(report: &ReconstructReport) -> Vec<String> {
             "warning: no frame sees {:.0} % of {}: what it has there is a guess; the person must be whole in the pictures, and turn",
             100.0 * garment.unseen,
             garment.name
+        )
+    });
+    let in_pieces = report.garments.iter().filter(|g| g.pieces > 1 && g.most_openings.is_some());
+    let in_pieces = in_pieces.map(|garment| {
+        format!(
+            "warning: {} came out in {} pieces: too little was seen of what lies between them, as under other clothes",
+            garment.name, garment.pieces
         )
     });
     let shown = |name: &String| report.labels.shown.get(name).copied().unwrap_or_default();
@@ -113,6 +124,7 @@ pub(super) fn warnings(report: &ReconstructReport) -> Vec<String> {
         .chain(normals)
         .chain(doubted)
         .chain(guessed)
+        .chain(in_pieces)
         .chain(cut)
         .chain(missing)
         .collect()
@@ -285,6 +297,22 @@ mod tests {
         let found = warnings(&trousers(4, 4));
         let [cut] = &found[..] else { panic!("{found:?}") };
         assert!(cut.contains("cuts trousers in 4 of 4 label images"), "{cut}");
+    }
+
+    #[test]
+    fn pieces_of_clothes_that_have_one_are_named_and_tunnels_counted() {
+        let told = |report: &ReconstructReport| summary("anna", report, 1.0);
+        let mut report = trousers(4, 0);
+        (report.garments[0].pieces, report.garments[0].tunnels) = (2, 0);
+        assert!(warnings(&report).is_empty(), "what it is nobody knows");
+        assert!(!told(&report).contains("tunnels"));
+        (report.garments[0].most_openings, report.garments[0].tunnels) = (Some(3), 7);
+        let [one] = &warnings(&report)[..] else { panic!("one warning") };
+        assert!(one.contains("trousers came out in 2 pieces"), "{one}");
+        let told = told(&report);
+        assert!(told.contains("0 left, 7 tunnels through it"), "{told}");
+        report.garments[0].pieces = 1;
+        assert!(warnings(&report).is_empty());
     }
 
     #[test]

@@ -12,7 +12,6 @@ use crate::values::positive;
 use clap::{Args, ValueEnum};
 use if_body::SkinWeights;
 use if_body::align::carried_field;
-use if_core::monitor::Silent;
 use if_mesh::baked::BakeParams;
 use if_mesh::file::{Content, MeshFile, file_and_node};
 use if_mesh::obj;
@@ -145,10 +144,11 @@ pub(super) fn run(args: &AddArgs) -> Result<End, Report> {
         }
         let line = Line::new(&path.display().to_string(), k, args.garments.len());
         line.message("adding");
-        let added = add(&mut wardrobe, args, path, &body, loaded.as_ref());
+        let added = add(&mut wardrobe, args, path, (&body, loaded.as_ref()), &line);
         drop(line);
         match added {
             Ok(text) => print(&text)?,
+            Err(_) if cancel::is_requested() => return Ok(End::Cancelled),
             Err(error) if End::of_error(&error) == End::Busy => return Err(error),
             Err(error) => {
                 show(&error);
@@ -202,8 +202,8 @@ fn add(
     wardrobe: &mut Wardrobe,
     args: &AddArgs,
     path: &Path,
-    body: &BodyRef,
-    loaded: Option<&WardrobeBody>,
+    (body, loaded): (&BodyRef, Option<&WardrobeBody>),
+    mut line: &Line,
 ) -> Result<String, Report> {
     let unusable = |source| Unusable { file: path.display().to_string(), source };
     let file = MeshFile::read(path).map_err(|e| unusable(ErrorChain::new(&e)))?;
@@ -247,7 +247,7 @@ fn add(
         licence,
     };
     let baked = loaded
-        .map(|body| carried_field(&body.mesh, &mesh, &BakeParams::default(), &mut Silent))
+        .map(|body| carried_field(&body.mesh, &mesh, &BakeParams::default(), &mut line))
         .transpose()
         .map_err(|e| unusable(ErrorChain::new(&e)))?;
     let parts = Parts {

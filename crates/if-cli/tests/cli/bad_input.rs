@@ -75,7 +75,7 @@ fn a_truncated_file() {
 
 #[test]
 fn a_wrong_extension() {
-    bad_garment("shirt.stl", obj(&body()), &[".ply, .obj, .glb or .gltf"]);
+    bad_garment("shirt.stl", obj(&body()), &[".ply, .obj, .glb, .gltf or .vrm"]);
 }
 
 #[test]

@@ -4,7 +4,7 @@ use super::boundary_loop::LoopShape;
 use super::edit_mesh::EditMesh;
 use super::half_edges::ends;
 use super::openings::Openings;
-use if_core::math::Real;
+use if_core::math::{Point, Real};
 
 /// Classification of a boundary loop.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -32,18 +32,15 @@ impl Openings {
                     .map(|s| kind(s.openness >= share * area && s.openness > 0.0))
                     .collect()
             }
-            Self::Count(count) => {
-                let mut order: Vec<usize> = (0..shapes.len()).collect();
-                order.sort_by(|&a, &b| {
-                    let (x, y) = (&shapes[a], &shapes[b]);
-                    y.openness
-                        .total_cmp(&x.openness)
-                        .then(y.length.total_cmp(&x.length))
-                        .then(a.cmp(&b))
-                });
-                let mut kinds = vec![LoopKind::Hole; shapes.len()];
-                order.iter().take(*count).for_each(|&k| kinds[k] = LoopKind::Opening);
-                kinds
+            Self::Count(count) => most_open(shapes, vec![LoopKind::Hole; shapes.len()], *count),
+            Self::Around(around) => {
+                let is_around = |(boundary, shape): (&Vec<u32>, &LoopShape)| {
+                    let at = |h: &u32| work.points[ends(&work.triangles, *h)[0] as usize];
+                    let corners: Vec<Point> = boundary.iter().map(at).collect();
+                    kind(around.leads_through(&corners, &shape.center.into()))
+                };
+                let kinds = loops.iter().zip(shapes).map(is_around).collect();
+                most_open(shapes, kinds, around.count)
             }
             Self::Longer(least) => shapes.iter().map(|s| kind(s.length >= *least)).collect(),
             Self::Near(points) => {
@@ -85,11 +82,24 @@ impl Openings {
     }
 }
 
+/// As many openings as `count`, if there are fewer in `kinds`: the most open holes, too.
+fn most_open(shapes: &[LoopShape], mut kinds: Vec<LoopKind>, count: usize) -> Vec<LoopKind> {
+    let open = kinds.iter().filter(|kind| **kind == LoopKind::Opening).count();
+    let mut order: Vec<usize> = (0..shapes.len()).filter(|k| kinds[*k] == LoopKind::Hole).collect();
+    order.sort_by(|&a, &b| {
+        let (x, y) = (&shapes[a], &shapes[b]);
+        y.openness.total_cmp(&x.openness).then(y.length.total_cmp(&x.length)).then(a.cmp(&b))
+    });
+    let more = count.saturating_sub(open);
+    order.iter().take(more).for_each(|&k| kinds[k] = LoopKind::Opening);
+    kinds
+}
+
 #[cfg(test)]
 mod tests {
     use super::super::half_edges::{HalfEdges, boundary_loops};
+    use super::super::openings::Around;
     use super::*;
-    use if_core::math::Point;
     use if_core::mesh::TriMesh;
     use if_core::shapes::meshes::tube;
 
@@ -121,6 +131,56 @@ mod tests {
         let open: Vec<usize> =
             kinds_of(wide, &middle).iter().filter(|l| l.1).map(|l| l.0).collect();
         assert_eq!(open, [40]);
+    }
+
+    #[test]
+    fn what_a_limb_leads_through_is_open_before_wider_holes() {
+        // A tube whose far end is narrow, with a wide tear in its side.
+        let tube = tube(0.1, 0.4, 40, 20, false);
+        let narrow = |p: &Point| {
+            let r = 1.0 - 0.9 * p.y / 0.4;
+            Point::new(r * p.x, p.y, r * p.z)
+        };
+        let sleeve = tube.with_vertices(tube.vertices().iter().map(narrow).collect()).unwrap();
+        let is_torn = |t: &[u32; 3]| {
+            let at = t.map(|v| sleeve.vertices()[v as usize]);
+            at.iter().all(|p| p.y < 0.29 && p.y > 0.05 && p.x > 0.0)
+        };
+        let kept = sleeve.triangles().iter().copied().filter(|t| !is_torn(t)).collect();
+        let mesh = TriMesh::new(sleeve.vertices().to_vec(), kept).unwrap();
+        let (work, half_edges) = (EditMesh::new(&mesh), HalfEdges::of_mesh(&mesh));
+        let loops = boundary_loops(mesh.triangles(), &half_edges);
+        let shape = |boundary: &Vec<u32>| LoopShape::new(&work, &half_edges, boundary);
+        let shapes: Vec<LoopShape> = loops.iter().map(shape).collect();
+        let open = |openings: &Openings| -> Vec<Real> {
+            let kinds = openings.classify(&work, &loops, &shapes);
+            let open = shapes.iter().zip(kinds).filter(|(_, kind)| *kind == LoopKind::Opening);
+            let mut heights: Vec<Real> = open.map(|(shape, _)| shape.center[1]).collect();
+            heights.sort_by(Real::total_cmp);
+            heights
+        };
+        let tear = open(&Openings::Count(2))[1];
+        assert!(tear > 0.1 && tear < 0.3, "more open than the cuff");
+        // An arm that looks out of the tear on its way.
+        let along =
+            [[0.0, -0.5, 0.0], [0.0, 0.1, 0.0], [0.3, 0.15, 0.0], [0.0, 0.2, 0.0], [0.0, 0.6, 0.0]];
+        let arm = along.map(Point::from).to_vec();
+        let around =
+            |lines: Vec<Vec<Point>>, count| open(&Openings::Around(Around { lines, count }));
+        approx::assert_abs_diff_eq!(
+            around(vec![arm.clone()], 2)[..],
+            [0.0, 0.4][..],
+            epsilon = 1e-12
+        );
+        assert_eq!(around(vec![arm.clone()], 0).len(), 2, "never a lid over a limb");
+        assert_eq!(around(vec![arm.clone()], 3)[1], tear);
+        assert_eq!(around(vec![arm[..2].to_vec()], 1), [0.0], "it ends within");
+        assert_eq!(around(Vec::new(), 2), open(&Openings::Count(2)));
+        let bad = Openings::Around(Around {
+            lines: vec![vec![Point::new(0.0, Real::NAN, 0.0)]],
+            count: 1,
+        });
+        assert_eq!(bad.validate().unwrap_err().name, "around.lines[0]");
     }
 
     #[test]

@@ -1,5 +1,6 @@
 //! The choice between openings and holes, as parameters.
 
+use if_core::intersect::segment_triangle;
 use if_core::math::{Point, Real};
 use if_core::mesh::TriMesh;
 use if_core::parameter::ParameterError;
@@ -16,6 +17,9 @@ pub enum Openings {
     Shape(Real),
     /// This many loops, those of the largest openness.
     Count(usize),
+    /// Loops that one of these lines leads through, as an arm through a cuff; and of the others those of
+    /// the largest openness, up to a number in all.
+    Around(Around),
     /// Loops at least this long, in metres.
     Longer(Real),
     /// The loop nearest to each of these points, in metres, by its vertices or its
@@ -50,18 +54,53 @@ impl Openings {
         match self {
             Self::Shape(share) => not_negative("shape", *share),
             Self::Longer(length) => not_negative("longer", *length),
-            Self::Near(points) => points.iter().enumerate().try_for_each(|(k, p)| {
-                let worst = p.iter().find(|x| !x.is_finite());
-                let value = worst.copied().unwrap_or(0.0);
-                ParameterError::check("near", value, worst.is_none(), "a point in metres, finite")
-                    .map_err(|e| e.at(k))
-            }),
+            Self::Near(points) => all_finite("near", points),
+            Self::Around(around) => around.validate().map_err(|e| e.within("around")),
             Self::Complement(c) => c.validate().map_err(|e| e.within("complement")),
             Self::Sequence(policies) => policies.iter().enumerate().try_for_each(|(k, p)| {
                 p.validate().map_err(|e| e.within(&format!("sequence[{k}]")))
             }),
             Self::Count(_) => Ok(()),
         }
+    }
+}
+
+fn all_finite(name: &'static str, points: &[Point]) -> Result<(), ParameterError> {
+    points.iter().enumerate().try_for_each(|(k, p)| {
+        let worst = p.iter().find(|x| !x.is_finite());
+        let value = worst.copied().unwrap_or(0.0);
+        ParameterError::check(name, value, worst.is_none(), "a point in metres, finite")
+            .map_err(|e| e.at(k))
+    })
+}
+
+/// What leads through openings.
+///
+/// A lid over a limb would cut it off, so its loop is an opening, however small it is beside a tear.
+#[derive(Clone, Debug, Default)]
+pub struct Around {
+    /// Chains of points, in metres: from the middle of a person along the bones of a limb to its end and
+    /// beyond.
+    pub lines: Vec<Vec<Point>>,
+    /// The number of openings, if they lead through fewer: those of the largest openness as well.
+    pub count: usize,
+}
+
+impl Around {
+    /// Whether one of the lines leads through this loop: it passes more often one way through the fan
+    /// from the loop's centre than the other.
+    pub(super) fn leads_through(&self, corners: &[Point], center: &Point) -> bool {
+        let lid = |k: usize| [center, &corners[k], &corners[(k + 1) % corners.len()]];
+        let passages = |from: &Point, to: &Point| -> i32 {
+            let through = (0..corners.len()).filter_map(|k| segment_triangle(from, to, lid(k)));
+            through.map(|passage| i32::from(passage.direction)).sum()
+        };
+        let of = |line: &[Point]| -> i32 { line.windows(2).map(|s| passages(&s[0], &s[1])).sum() };
+        self.lines.iter().any(|line| of(line) != 0)
+    }
+
+    fn validate(&self) -> Result<(), ParameterError> {
+        self.lines.iter().try_for_each(|line| all_finite("lines", line))
     }
 }
 

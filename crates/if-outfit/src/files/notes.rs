@@ -36,6 +36,14 @@ fn of_file(file: &MeshFile) -> Vec<String> {
             "{n} faces use a vertex twice (the first is face {first}); they are written as they are"
         ));
     }
+    let folded = file.folded_faces();
+    if let [first, ..] = folded[..] {
+        notes.push(format!(
+            "{} faces are concave or far from flat (the first is face {first}), and their triangles around the first \
+             corner, which are what is resolved and verified, fold over each other; split them into triangles first",
+            folded.len()
+        ));
+    }
     if file.shared_normals() > 0 {
         notes.push(format!(
             "{} normals are shared by several vertices; they are written as they are",

@@ -8,6 +8,7 @@ use if_core::monitor::Silent;
 use if_core::shapes::meshes::{icosphere, tube};
 use if_mesh::file::Content;
 use if_mesh::ply::{Column, CoordinateType, PlyMesh, Property, WriteParams, write_path};
+use if_mesh::polygons::Polygons;
 use serde_json::json;
 use std::fs;
 use std::path::Path;
@@ -237,6 +238,26 @@ fn a_garment_that_is_not_at_the_body_is_noted() {
     let outfit = Outfit::new(Layer::new("ball", ball), vec![Layer::new("hat", hat)]).unwrap();
     let notes = OutfitFiles::from_memory(outfit, vec![file]).notes();
     assert!(notes.iter().any(|n| n.starts_with("`hat`: 0.15 m from the body")), "{notes:?}");
+}
+
+#[test]
+fn a_face_whose_triangles_fold_over_each_other_is_noted() {
+    let corners = [[0.0, 0.0], [2.0, 2.0], [0.0, 4.0], [1.0, 2.0]];
+    let corners = corners.map(|[x, y]| Point::new(0.02 * x, 0.02 * y, 2.0 * BALL));
+    let notes_on = |face: [u32; 4]| {
+        let faces = Polygons::new([face]).unwrap();
+        let mesh = TriMesh::new(corners.to_vec(), faces.triangles()).unwrap();
+        let ply = PlyMesh { polygons: Some(faces), ..PlyMesh::new(mesh.clone()) };
+        let layers = vec![Layer::new("patch", mesh)];
+        let outfit = Outfit::new(Layer::new("ball", icosphere(BALL, 2)), layers).unwrap();
+        let notes = OutfitFiles::from_memory(outfit, vec![MeshFile::from_ply(ply)]).notes();
+        notes.into_iter().filter(|note| note.contains("concave")).collect::<Vec<_>>()
+    };
+    let [note] = &notes_on([0, 1, 2, 3])[..] else { panic!("one note") };
+    assert!(
+        note.starts_with("`patch`: 1 faces are concave or far from flat (the first is face 0)")
+    );
+    assert!(notes_on([3, 0, 1, 2]).is_empty(), "the notch sees the whole face");
 }
 
 #[test]

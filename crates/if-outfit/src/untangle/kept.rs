@@ -10,14 +10,15 @@ use if_mesh::intersections::own_pairs;
 /// The largest number of pairs that are named.
 const NAMED: usize = 256;
 
-/// The own pairs of `mesh` with the reason why each is kept. `untangled` are those that untangling
-/// left before the garment settled.
-pub(crate) fn kept(mesh: &TriMesh, untangled: &[[u32; 2]]) -> Vec<KeptOwnPair> {
+/// The own pairs of `mesh` that the input had, `given`, with the reason why each is kept. `untangled`
+/// are those that untangling left before the garment settled. Both are sorted.
+pub(crate) fn kept(mesh: &TriMesh, given: &[[u32; 2]], untangled: &[[u32; 2]]) -> Vec<KeptOwnPair> {
     let edges = Edges::new(mesh);
     let is_fan =
         |t: u32| edges.of_triangle[t as usize].iter().any(|e| edges.valence[*e as usize] > 2);
-    let pairs = own_pairs(mesh, &Bvh::new(mesh)).into_iter().take(NAMED);
-    let named = pairs.map(|pair| {
+    let pairs = own_pairs(mesh, &Bvh::new(mesh)).into_iter();
+    let pairs = pairs.filter(|pair| given.binary_search(&[pair.a, pair.b]).is_ok());
+    let named = pairs.take(NAMED).map(|pair| {
         let triangles = [pair.a, pair.b];
         let reason = match pair.contact {
             Contact::Coplanar => KeptReason::Coincident,
@@ -49,11 +50,14 @@ mod tests {
         let mut t = t.to_vec();
         t.extend([[12, 13, 15], [13, 12, 16]]);
         let mesh = TriMesh::new(v, t).unwrap();
-        let found = kept(&mesh, &[[0, 1]]);
+        let given = [[0, 1], [0, 2], [0, 3], [0, 4]];
+        let found = kept(&mesh, &given, &[[0, 1]]);
         let reason = |a: u32, b: u32| found.iter().find(|k| k.triangles == [a, b]).unwrap().reason;
         assert_eq!(reason(0, 1), KeptReason::Contour);
         assert_eq!(reason(0, 2), KeptReason::Layers);
         assert_eq!(reason(0, 3), KeptReason::Coincident);
         assert_eq!(reason(0, 4), KeptReason::NonManifold);
+        let known = kept(&mesh, &given[..2], &[]);
+        assert_eq!(known.len(), 2, "what the input did not have is new, and not kept");
     }
 }

@@ -13,12 +13,14 @@ use crate::asset::LayerHint;
 use crate::capture::{Capture, FIRST_GARMENT};
 use if_body::{Skeleton, SkinWeights};
 use if_core::field::SignedDistance;
-use if_core::math::Real;
+use if_core::math::{Point, Real};
 use if_core::mesh::TriMesh;
 use if_core::monitor::Monitor;
 use if_mesh::attributes::{Source, VertexAttributes};
 use if_mesh::baked::Baked;
-use if_mesh::cleanup::{CleanupError, CleanupParams, CleanupReport, Complement, Openings, cleanup};
+use if_mesh::cleanup::{
+    Around, CleanupError, CleanupParams, CleanupReport, Complement, Openings, cleanup,
+};
 use if_mesh::labels::{
     CutParams, Look, Piece, SmoothLabelParams, UNDECIDED, VoteParams, VoteReport, Voter, cut,
     smooth_labels,
@@ -31,6 +33,10 @@ use if_outfit::outfit::{OutfitError, check_garment};
 const HAND: Real = 0.012;
 /// Least length of an opening, in metres: a cuff of 4 cm across.
 const CUFF: Real = 0.13;
+
+/// How far openings may lie beyond the last joint of a limb, in metres: beyond the wrist of a skeleton
+/// without hands.
+const BEYOND: Real = 0.2;
 
 /// Parameters of [`find_garments`].
 #[derive(Clone, Debug, Default)]
@@ -233,8 +239,8 @@ fn cleaned(
     params: &CleanupParams,
     monitor: &mut dyn Monitor,
 ) -> Result<Option<Garment>, ReconstructError> {
-    let params =
-        CleanupParams { openings: openings_of(name, person.mesh, piece.area()), ..params.clone() };
+    let openings = openings_of(name, person.mesh, person.skeleton, piece.area());
+    let params = CleanupParams { openings, ..params.clone() };
     let clean = cleanup(piece, carried, Some(person.field), &params, monitor).map_err(
         |source| match source {
             CleanupError::Cancelled(cancelled) => ReconstructError::Cancelled(cancelled),
@@ -273,16 +279,36 @@ fn is_scrap(mesh: &TriMesh, cleanup: &CleanupReport, body: &TriMesh) -> bool {
 /// - are as long as a cuff: where two garments meet, the extracted surface may have a tunnel of a few
 ///   cells, whose section bounds the other garment like a hem. How open a loop is does not tell: where
 ///   a wide sleeve is closed about the wrist, the wrist's loop lies in that lid;
-/// - are among the most open ones, as many as garments of this class have
-///   ([`GarmentClass::most_openings`]).
+/// - have a limb, the head or the trunk lead through, as a cuff that is narrower than a tear, or are among
+///   the most open others, as many as garments of this class have ([`GarmentClass::most_openings`]).
 ///
 /// [`GarmentClass::most_openings`]: crate::asset::GarmentClass::most_openings
-fn openings_of(name: &str, body: &TriMesh, area: Real) -> Openings {
+fn openings_of(name: &str, body: &TriMesh, skeleton: &Skeleton, area: Real) -> Openings {
     let rest = Complement::new(body.clone());
     let rest = Complement { least_share: rest.least_share.min(HAND / area), ..rest };
     let mut policies = vec![Openings::Complement(Box::new(rest)), Openings::Longer(CUFF)];
-    policies.extend(LayerHint::of_name(name).class.most_openings().map(Openings::Count));
+    let around = |count| Openings::Around(Around { lines: limbs(skeleton), count });
+    policies.extend(LayerHint::of_name(name).class.most_openings().map(around));
     Openings::Sequence(policies)
+}
+
+/// For each joint at an end, the way there along the bones, and [`BEYOND`] it.
+fn limbs(skeleton: &Skeleton) -> Vec<Vec<Point>> {
+    let joints = skeleton.joints();
+    let mut is_end = vec![true; joints.len()];
+    joints.iter().filter_map(|joint| joint.parent).for_each(|parent| is_end[parent] = false);
+    let way = |end: usize| {
+        let path = std::iter::successors(Some(end), |j| joints[*j].parent);
+        let mut way: Vec<Point> = path.map(|j| joints[j].head).collect();
+        way.reverse();
+        way.push(joints[end].tail);
+        way.dedup();
+        if let [.., before, last] = way[..] {
+            way.push(last + (last - before).normalize() * BEYOND);
+        }
+        way
+    };
+    (0..joints.len()).filter(|j| is_end[*j]).map(way).collect()
 }
 
 /// The vertices of the canonical mesh from which the vertices of a piece are interpolated.
@@ -307,9 +333,19 @@ fn sources(piece: &Piece) -> Vec<Source> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use if_core::math::Point;
+    use if_body::skeleton::Joint;
     use if_core::monitor::Silent;
     use std::f64::consts::TAU;
+
+    fn joint(parent: Option<usize>, head: [Real; 3], tail: [Real; 3]) -> Joint {
+        let name = format!("{head:?}");
+        Joint { name, parent, head: head.into(), tail: tail.into() }
+    }
+
+    /// A bone far from all.
+    fn axis() -> Skeleton {
+        Skeleton::new(vec![joint(None, [9.0; 3], [9.0, 9.1, 9.0])]).unwrap()
+    }
 
     /// A closed drum with a tunnel along its axis, of this radius above and 3 cm below, and its upper
     /// half: mantle and lid.
@@ -360,6 +396,31 @@ mod tests {
     }
 
     #[test]
+    fn limbs_lead_from_the_root_beyond_each_end() {
+        let joints = vec![
+            joint(None, [0.0; 3], [0.0, 0.5, 0.0]),
+            joint(Some(0), [0.0, 0.5, 0.0], [0.0, 0.8, 0.0]),
+            joint(Some(0), [0.1, 0.0, 0.0], [0.1, -0.8, 0.0]),
+            joint(Some(2), [0.1, -0.8, 0.0], [0.1, -0.8, 0.0]),
+        ];
+        let ways = limbs(&Skeleton::new(joints).unwrap());
+        let heights: Vec<Vec<Real>> =
+            ways.iter().map(|way| way.iter().map(|p| p.y).collect()).collect();
+        // The last joint has no length: the way goes on as before it.
+        assert_eq!(
+            heights,
+            [vec![0.0, 0.5, 0.8, 0.8 + BEYOND], vec![0.0, 0.0, -0.8, -0.8 - BEYOND]]
+        );
+        assert_eq!(limbs(&axis())[0].len(), 3);
+        let (body, piece) = drum_with_a_tunnel(0.02);
+        let Openings::Sequence(policies) = openings_of("coat", &body, &axis(), piece.area()) else {
+            panic!()
+        };
+        let Some(Openings::Around(around)) = policies.last() else { panic!() };
+        assert_eq!((around.count, &around.lines), (4, &limbs(&axis())));
+    }
+
+    #[test]
     fn a_tunnel_to_another_garment_is_not_an_opening() {
         let (body, piece) = drum_with_a_tunnel(0.02);
         // The tunnel, too, bounds the other half of the body: the complement alone does not
@@ -367,7 +428,11 @@ mod tests {
         let rest = Openings::Complement(Box::new(Complement::new(body.clone())));
         assert_eq!(loops(&piece, rest), (2, 0));
         for name in ["sweater", "thing"] {
-            assert_eq!(loops(&piece, openings_of(name, &body, piece.area())), (1, 1), "{name}");
+            assert_eq!(
+                loops(&piece, openings_of(name, &body, &axis(), piece.area())),
+                (1, 1),
+                "{name}"
+            );
         }
     }
 
@@ -376,7 +441,7 @@ mod tests {
         // The same drum, but the tunnel is as wide as a wrist. Its loop lies in a flat lid.
         let (body, piece) = drum_with_a_tunnel(0.025);
         assert_eq!(loops(&piece, Openings::default()), (1, 1));
-        assert_eq!(loops(&piece, openings_of("coat", &body, piece.area())), (2, 0));
+        assert_eq!(loops(&piece, openings_of("coat", &body, &axis(), piece.area())), (2, 0));
     }
 
     #[test]
@@ -407,8 +472,10 @@ mod tests {
         let (body, piece) = drum_with_a_tunnel(0.025);
         // The rest of the body has 0.7 m², less than 1.5 % of 50 m².
         let area = 50.0;
-        assert_eq!(loops(&piece, openings_of("coat", &body, area)).0, 2);
-        let Openings::Sequence(policies) = openings_of("coat", &body, area) else { panic!() };
+        assert_eq!(loops(&piece, openings_of("coat", &body, &axis(), area)).0, 2);
+        let Openings::Sequence(policies) = openings_of("coat", &body, &axis(), area) else {
+            panic!()
+        };
         assert!(matches!(&policies[0], Openings::Complement(c) if c.least_share * area == HAND));
     }
 }

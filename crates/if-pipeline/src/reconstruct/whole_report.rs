@@ -9,7 +9,9 @@ use super::report::SurfaceReport;
 use super::shown::LabelShown;
 use crate::asset::LayerHint;
 use crate::capture::Capture;
+use if_core::edges::{Edges, part_count};
 use if_core::math::Real;
+use if_core::mesh::TriMesh;
 use if_mesh::labels::{Contradiction, VoteReport};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -75,6 +77,12 @@ pub struct GarmentReport {
     pub holes_left: usize,
     /// Isolated pieces that were removed.
     pub dropped: usize,
+    /// Pieces that it consists of.
+    #[serde(default)]
+    pub pieces: usize,
+    /// Tunnels through it, as between struts: its genus.
+    #[serde(default)]
+    pub tunnels: usize,
 }
 
 impl LabelReport {
@@ -131,8 +139,20 @@ impl GarmentReport {
             filled: clean.holes.filled.len(),
             holes_left: clean.holes.left.len(),
             dropped: clean.components.dropped.len(),
+            pieces: part_count(&garment.mesh),
+            tunnels: tunnels(&garment.mesh),
         }
     }
+}
+
+/// The genus of a manifold mesh without unused vertices, the sum of its parts: its Euler characteristic
+/// is 2 · parts − 2 · genus − boundary loops.
+fn tunnels(mesh: &TriMesh) -> usize {
+    let edges = Edges::new(mesh);
+    let loops = edges.boundary_loops(mesh).len();
+    let twice = (2 * part_count(mesh) + edges.vertices.len())
+        .saturating_sub(mesh.vertices().len() + mesh.triangles().len() + loops);
+    twice / 2
 }
 
 /// Wall-clock seconds of each step.
@@ -204,4 +224,25 @@ pub struct ReconstructReport {
     pub missing: Vec<String>,
     /// Wall-clock seconds.
     pub seconds: Seconds,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use if_core::shapes::meshes::{icosphere, tube};
+
+    #[test]
+    fn tunnels_are_counted_beside_openings() {
+        assert_eq!(tunnels(&icosphere(1.0, 2)), 0);
+        let sleeve = tube(0.1, 0.4, 12, 5, false);
+        assert_eq!((tunnels(&sleeve), part_count(&sleeve)), (0, 1));
+        // Its ends meet: a ring, and beside it the sleeve.
+        let last = sleeve.vertices().len() as u32 - 12;
+        let joined = |v: u32| if v < last { v } else { v - last };
+        let ring = sleeve.triangles().iter().map(|t| t.map(joined));
+        let beside = sleeve.triangles().iter().map(|t| t.map(|v| v + last));
+        let vertices = [&sleeve.vertices()[..last as usize], sleeve.vertices()].concat();
+        let both = TriMesh::new(vertices, ring.chain(beside).collect()).unwrap();
+        assert_eq!((tunnels(&both), part_count(&both)), (1, 2));
+    }
 }

@@ -89,6 +89,26 @@ fn keep_on(_: &batch::Event) -> ControlFlow<()> {
 }
 
 #[test]
+fn what_has_lost_its_mesh_is_a_fault() {
+    let root = tempfile::tempdir().unwrap();
+    let made = filled(root.path());
+    let meshes = [
+        ("garments/coat", &made.garments()["coat"].garment.file),
+        ("bodies/slim", &made.bodies()["slim"].mesh.file),
+    ];
+    for (folder, file) in meshes {
+        let path = root.path().join(folder).join(file);
+        fs::rename(&path, path.with_extension("away")).unwrap();
+        let wardrobe = Wardrobe::open(root.path()).unwrap();
+        let [.., fault] = wardrobe.faults() else { panic!("a fault in {folder}") };
+        let message = fault.error.to_string();
+        assert!(message.starts_with(path.to_str().unwrap()), "{message}");
+        fs::rename(path.with_extension("away"), &path).unwrap();
+        assert!(Wardrobe::open(root.path()).unwrap().faults().is_empty());
+    }
+}
+
+#[test]
 fn a_wardrobe_is_found_as_it_was_left() {
     let root = tempfile::tempdir().unwrap();
     let made = filled(root.path());
