@@ -118,8 +118,12 @@ fn what_passes_through_what_between_frames_is_named() {
     assert_eq!(interval["first"][0]["layers"], json!(["body_clean", "cloth"]));
     let page = String::from_utf8(folder.read("jump/report.html")).unwrap();
     assert!(page.contains("Between frames") && page.contains(", cloth "));
+    assert!(report["between_seconds"].as_f64().unwrap() > 0.0, "{report}");
     // Frames are clean, so without --strict this is no failure.
-    folder.ifg(&format!("{JUMP} --continuous --no-pictures")).expect(0);
+    let run = folder.ifg(&format!("{JUMP} --continuous --no-pictures")).expect(0);
+    assert!(run.stdout.contains("s for the ways between"), "{}", run.stdout);
+    let run = folder.ifg(&format!("{JUMP} --no-pictures")).expect(0);
+    assert!(!run.stdout.contains("s for the ways between"), "{}", run.stdout);
 }
 
 /// A rod that turns about a far joint by 24 cm from the first frame to the second, and a sheet of
@@ -207,10 +211,18 @@ fn a_folder_of_bodies_carries_garments_without_a_skeleton() {
     assert!(second.exists() && !first.exists() && !folder.path("one/motion.glb").exists());
     let report: Value = serde_json::from_slice(&folder.read("one/report.json")).unwrap();
     assert_eq!(report["report"]["frames"][0]["frame"], 1);
+    // A number of a series is missing.
+    std::fs::copy(folder.path("bodies/body_0002.ply"), folder.path("bodies/body_0004.ply"))
+        .unwrap();
+    let run = folder.ifg(&format!("{CARRY} --out gap --frames 0")).expect(0);
+    assert!(run.stderr.contains("frames seem to be missing"), "{}", run.stderr);
+    assert!(run.stderr.contains("body_0002.ply") && run.stderr.contains("body_0004.ply"));
+    std::fs::remove_file(folder.path("bodies/body_0004.ply")).unwrap();
     // A run that goes on has the same bytes.
     let last = folder.read("carried/trousers.pc2");
     std::fs::remove_file(folder.path("carried/frames/000002.frame")).unwrap();
     let run = folder.ifg(&format!("{CARRY} --out carried --strict")).expect(0);
+    assert!(!run.stderr.contains("missing"), "{}", run.stderr);
     assert!(run.stdout.contains("2 frames kept"), "{}", run.stdout);
     assert_eq!(folder.read("carried/trousers.pc2"), last);
     // What is written into the folder of bodies would be a body.

@@ -603,6 +603,17 @@ fn the_field_of_the_clothed_body_is_baked_where_that_is_asked_for() {
     assert!(!folder.read("w/garments/skirt/phi.baked").is_empty());
 }
 
+#[cfg(unix)]
+#[test]
+fn a_bake_that_takes_minutes_can_be_cancelled() {
+    let folder = Folder::new();
+    let scene = MannequinParams::default();
+    folder.write("person.ply", ply(&mannequin::body(&scene)));
+    folder.write("tshirt.ply", ply(&mannequin::garment(Garment::Tshirt, &scene)));
+    folder.ifg("wardrobe add w --body person --mesh person.ply").expect(0);
+    folder.interrupt("wardrobe add w --body person --bake tshirt.ply", "w/bodies/person");
+}
+
 #[cfg(target_os = "linux")]
 #[test]
 fn a_line_that_cannot_be_printed_is_told_and_is_no_cancellation() {
