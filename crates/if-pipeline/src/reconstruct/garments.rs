@@ -333,7 +333,7 @@ fn sources(piece: &Piece) -> Vec<Source> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use if_body::skeleton::Joint;
+    use if_body::Joint;
     use if_core::monitor::Silent;
     use std::f64::consts::TAU;
 
