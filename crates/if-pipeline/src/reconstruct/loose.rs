@@ -6,8 +6,8 @@ use super::lattice::Lattice;
 use super::observe::Observation;
 use super::projection::{in_camera, pixels_per_metre};
 use crate::capture::FIRST_GARMENT;
-use if_body::SkinWeights;
 use if_body::skinning::{Affine, WeightGrid, blends, pose_points};
+use if_body::{Skeleton, SkinWeights};
 use if_core::SignedDistance;
 use if_core::aabb::Aabb;
 use if_core::math::{Point, Real, Vector};
@@ -36,6 +36,9 @@ const ELSEWHERE: Real = 0.25;
 /// Least share of the certain voxels that a joint must move most for loose clothes to hang around
 /// it.
 const HANGS: Real = 0.02;
+/// Largest distance from a joint to what hangs at it, as a share of the skeleton's size, for it to be of a hand, a
+/// foot or the head. Hands have 0.08, feet 0.10, forearms at least 0.20, whatever the skeleton.
+const HAND: Real = 0.15;
 /// How far the fill goes on beyond the joints around which clothes hang, in metres.
 const TAPER: Real = 0.25;
 /// How thick it is at most there, in metres; it thins out by the square of the distance to its end.
@@ -193,14 +196,13 @@ pub(super) struct Filling {
 /// a voxel may be filled   if it lies outside the template, inside (nearly) all masks, and (nearly) all frames whose view of it
 ///                         the template does not block see a loose garment there
 /// it is certain           if in some frames it lies far beside the posed template
-/// J                       the joints that move the certain voxels most, and their parents
+/// J                       the joints that move the certain voxels most, but for hands, feet and head, and their parents
 /// filled                  what can be reached from certain voxels through such as may be filled, and are moved most by J;
 ///                         beyond them, ever thinner, up to 25 cm; and what that shuts in
 /// ```
 ///
 /// With arms down, masks do not show the space between arms and torso; nothing is certain there, and
-/// the arms are not in J. `None` if nothing is certain. `parents` are those of the skeleton's
-/// joints, `loose` the labels of loose garments.
+/// the arms are not in J. A hand beside a coat would take a part of it for its own: nothing hangs around hands. `None` if nothing is certain. `loose` are the labels of loose garments.
 pub(super) fn fill(
     cell: Real,
     grid: &WeightGrid,
@@ -208,7 +210,7 @@ pub(super) fn fill(
     camera: &Camera,
     views: &[View],
     loose: &[bool],
-    parents: &[Option<usize>],
+    skeleton: &Skeleton,
 ) -> Option<Filling> {
     let judge = Judge { grid, camera, views, loose };
     let states = |lattice: &Lattice| -> Vec<Space> {
@@ -238,9 +240,12 @@ pub(super) fn fill(
     let mut space = states(&lattice);
 
     // J: the joints that move certain voxels most, and their parents.
+    let is_end = ends(skeleton);
     let mut moved = vec![0usize; grid.joints()];
     for s in &space {
-        if let Space::Maybe { joint, certain: true } = s {
+        if let Space::Maybe { joint, certain: true } = s
+            && !is_end[usize::from(*joint)]
+        {
             moved[usize::from(*joint)] += 1;
         }
     }
@@ -251,7 +256,7 @@ pub(super) fn fill(
     let mut about: Vec<bool> =
         moved.iter().map(|n| *n as Real >= HANGS * certain as Real).collect();
     let joints: Vec<usize> = (0..about.len()).filter(|j| about[*j]).collect();
-    joints.iter().filter_map(|j| parents[*j]).for_each(|p| about[p] = true);
+    joints.iter().filter_map(|j| skeleton.joints()[*j].parent).for_each(|p| about[p] = true);
 
     // Flood fill from the certain voxels.
     let passes = |s: Space| matches!(s, Space::Maybe { joint, .. } if about[usize::from(joint)]);
@@ -269,6 +274,21 @@ pub(super) fn fill(
     taper(&lattice, &mut space);
     shut_in(&lattice, &mut space);
     Some(Filling { lattice, space, certain, joints, loose: loose.to_vec() })
+}
+
+/// Whether each joint is of a hand, a foot or the head: all that hangs at it is near.
+fn ends(skeleton: &Skeleton) -> Vec<bool> {
+    let joints = skeleton.joints();
+    let size = Aabb::from_points(joints.iter().flat_map(|j| [&j.head, &j.tail])).size().max();
+    let mut is_end = vec![true; joints.len()];
+    for (k, last) in joints.iter().enumerate() {
+        for above in std::iter::successors(Some(k), |j| joints[*j].parent) {
+            let from = joints[above].head;
+            let reach = (last.tail - from).norm().max((last.head - from).norm());
+            is_end[above] &= reach <= HAND * size;
+        }
+    }
+    is_end
 }
 
 /// Where clothes may be: the box of the grid, and for clothes that frames show farther from the template
@@ -447,6 +467,8 @@ impl Judge<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use if_body::Joint;
+    use if_body::mannequin::rig;
     use if_core::shapes::meshes;
 
     #[test]
@@ -464,6 +486,33 @@ mod tests {
         shut_in(&l, &mut space);
         assert_eq!(space[at(2, 2, 2)], Space::Filled);
         assert_eq!(space.iter().filter(|s| **s == Space::Filled).count(), 6);
+    }
+
+    #[test]
+    fn hands_feet_and_head_are_ends_with_their_fingers_and_without() {
+        let plain = rig::skeleton();
+        let names = |skeleton: &Skeleton| -> Vec<String> {
+            let is_end = ends(skeleton);
+            let named = skeleton.names().zip(is_end).filter(|(_, is_end)| *is_end);
+            named.map(|(name, _)| name.to_owned()).collect()
+        };
+        assert_eq!(names(&plain), ["head", "left_foot", "right_foot"]);
+        // A hand of 15 cm, with a finger of two bones and a thumb.
+        let mut joints = plain.joints().to_vec();
+        let wrist = joints[4].tail;
+        let at = |along: Real| wrist + Vector::x() * along;
+        for (name, parent, from, to) in [
+            ("hand", 4, 0.0, 0.06),
+            ("finger", joints.len(), 0.06, 0.1),
+            ("tip", joints.len() + 1, 0.1, 0.15),
+            ("thumb", joints.len(), 0.03, 0.08),
+        ] {
+            let (head, tail) = (at(from), at(to));
+            joints.push(Joint { name: name.into(), parent: Some(parent), head, tail });
+        }
+        let fingered = Skeleton::new(joints).unwrap();
+        let all = ["head", "left_foot", "right_foot", "hand", "finger", "tip", "thumb"];
+        assert_eq!(names(&fingered), all);
     }
 
     #[test]

@@ -140,8 +140,8 @@ fn fill_loose(
             space.insert((grid, solid))
         }
     };
-    let parents: Vec<Option<usize>> = template.skeleton.joints().iter().map(|j| j.parent).collect();
-    let filling = fill(params.loose_cell, grid, solid, capture.camera(), views, &loose, &parents);
+    let skeleton = &template.skeleton;
+    let filling = fill(params.loose_cell, grid, solid, capture.camera(), views, &loose, skeleton);
     Ok((beside, filling))
 }
 
