@@ -62,6 +62,7 @@ pub struct BodyShape<'a> {
 /// How points of one body correspond to points of the other.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
+#[non_exhaustive]
 pub enum Method {
     /// The bodies are equal: nothing moves.
     Same,

@@ -243,6 +243,7 @@ fn share(name: &'static str, value: Real) -> Result<(), ParameterError> {
 /// room.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
+#[non_exhaustive]
 pub enum Tuck {
     /// Never: a garment that gets stuck yields, stretched as far as necessary.
     Never,
@@ -275,6 +276,7 @@ pub enum Method {
 /// says where they come from.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
+#[non_exhaustive]
 pub enum Split {
     /// Never: the triangles are those of the input.
     #[default]
@@ -290,6 +292,7 @@ pub enum Split {
 /// New ones are removed in any case. Simulators refuse a garment that intersects itself.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
+#[non_exhaustive]
 pub enum Own {
     /// They are removed, by moving their neighbourhoods. What cannot be removed stays, and is named
     /// in the report.
@@ -303,6 +306,7 @@ pub enum Own {
 /// body, or leaves no room for the cloth between.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
+#[non_exhaustive]
 pub enum Pinch {
     /// The body stays as it is. What intersects in pinches is counted apart.
     #[default]

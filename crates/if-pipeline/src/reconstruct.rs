@@ -48,6 +48,7 @@ mod report;
 mod shown;
 mod skipped;
 mod start;
+mod struts;
 mod surface;
 mod underside;
 mod whole;

@@ -10,6 +10,7 @@ use serde::{Deserialize, Serialize};
 /// How line 13, `p ← p − (p̂ − q̂)`, is read. With n the outward unit normal of the inner layer at
 /// the foot q, and s₀ = n·(p̂ − q̂) the signed gap of the pair at the start.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[non_exhaustive]
 pub enum AirReading {
     /// As printed, on all pairs, with p̂ on the moving layer: the constant −(p̂ − q̂) is added
     /// whenever n·(p − q̂) < 0. Outwards only for pairs that start penetrating.

@@ -10,6 +10,7 @@ use if_core::parameter::ParameterError;
 
 /// How a sample inside is pushed out.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default, serde::Serialize, serde::Deserialize)]
+#[non_exhaustive]
 pub enum Push {
     /// `p −= (φ − δ) ∇φ / |∇φ|²` where φ < δ, limited, weighted by the mask, with friction.
     #[default]

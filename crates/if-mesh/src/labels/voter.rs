@@ -96,6 +96,7 @@ pub enum Look {
 
 /// Report of the votes.
 #[derive(Clone, Debug, PartialEq, Eq, Default)]
+#[non_exhaustive]
 pub struct VoteReport {
     /// Frames whose pixels voted.
     pub cast: usize,

@@ -8,6 +8,7 @@ use super::motion::MeshMotion;
 use super::progress;
 use super::shown::{LabelShown, Shown};
 use super::skipped::Skipped;
+use super::struts;
 use super::underside::Underside;
 use crate::asset::LayerHint;
 use crate::capture::{Capture, FIRST_GARMENT};
@@ -22,8 +23,8 @@ use if_mesh::cleanup::{
     Around, CleanupError, CleanupParams, CleanupReport, Complement, Openings, cleanup,
 };
 use if_mesh::labels::{
-    CutParams, Look, Piece, SmoothLabelParams, UNDECIDED, VoteParams, VoteReport, Voter, cut,
-    smooth_labels,
+    CutParams, Look, Origin, Piece, SmoothLabelParams, UNDECIDED, VoteParams, VoteReport, Voter,
+    cut, smooth_labels,
 };
 use if_mesh::ply::PlyMesh;
 use if_outfit::outfit::{OutfitError, check_garment};
@@ -135,7 +136,7 @@ impl std::fmt::Debug for ClothedPerson<'_> {
 
 /// Labels a canonical mesh by votes of all frames, cuts it along the borders of the labels, cleans the
 /// pieces, and lays their hems straight. What closes a garment about a limb is not part of it, nor is what
-/// lies beyond the edges of all pictures.
+/// lies beyond the edges of all pictures, nor are lattices that no frame sees.
 ///
 /// Stages: `garments`, a step for each frame and garment, and those of [`smooth_labels`] and
 /// [`cleanup`].
@@ -209,7 +210,11 @@ pub fn find_garments(
         let garment = match piece {
             Some(piece) => {
                 let carried = attributes.derive(&sources(piece));
-                cleaned((name, label), person, (&piece.mesh, &carried), &params.cleanup, monitor)?
+                let is_seen = |of: &Origin| of.vertices.iter().any(|v| seen[*v as usize]);
+                let seen: Vec<bool> = piece.origins.iter().map(is_seen).collect();
+                let without = struts::removed(&piece.mesh, &seen);
+                let mesh = without.as_ref().unwrap_or(&piece.mesh);
+                cleaned((name, label), person, (mesh, &carried), &params.cleanup, monitor)?
             }
             None => None,
         };
@@ -313,7 +318,7 @@ fn limbs(skeleton: &Skeleton) -> Vec<Vec<Point>> {
 
 /// The vertices of the canonical mesh from which the vertices of a piece are interpolated.
 fn sources(piece: &Piece) -> Vec<Source> {
-    let of = |origin: &if_mesh::labels::Origin| match origin.source() {
+    let of = |origin: &Origin| match origin.source() {
         Some(v) => Source::Vertex(v),
         None => {
             let mut parts: Vec<(u32, f64)> = origin

@@ -87,9 +87,7 @@ impl ReconstructParams {
         self.poses.as_ref().map_or(Ok(()), PoseParams::validate)?;
         self.fields.as_ref().map_or(Ok(()), FieldsParams::validate)?;
         self.motion.as_ref().map_or(Ok(()), MotionParams::validate)?;
-        if let Some(network) = &self.motion_network {
-            network.fit.validate()?;
-        }
+        self.motion_network.as_ref().map_or(Ok(()), MotionNetworkParams::validate)?;
         self.bake.as_ref().map_or(Ok(()), BakeParams::validate).map_err(|e| e.within("bake"))?;
         self.phi.as_ref().map_or(Ok(()), PhiParams::validate)?;
         self.garments.validate()
@@ -466,6 +464,11 @@ mod tests {
             p.motion_network.as_mut().unwrap().fit.schedule.rate = Real::NAN
         };
         assert!(matches!(spoiled(&rate), ReconstructError::Parameter(_)));
+        // Before, only after all else was done.
+        let wide = |p: &mut ReconstructParams| {
+            p.motion_network.as_mut().unwrap().network.width = 1 << 20;
+        };
+        assert!(matches!(spoiled(&wide), ReconstructError::Parameter(e) if e.name == "width"));
         assert!(matches!(
             spoiled(&|p| p.bake = Some(BakeParams { cell: 0.0, ..Default::default() })),
             ReconstructError::Bake(_) | ReconstructError::Parameter(_)

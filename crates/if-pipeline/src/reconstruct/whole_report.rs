@@ -7,11 +7,11 @@ use super::phi::PhiReport;
 use super::poses::PoseReport;
 use super::report::SurfaceReport;
 use super::shown::LabelShown;
+use super::struts::tunnels;
 use crate::asset::LayerHint;
 use crate::capture::Capture;
-use if_core::edges::{Edges, part_count};
+use if_core::edges::part_count;
 use if_core::math::Real;
-use if_core::mesh::TriMesh;
 use if_mesh::labels::{Contradiction, VoteReport};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -145,16 +145,6 @@ impl GarmentReport {
     }
 }
 
-/// The genus of a manifold mesh without unused vertices, the sum of its parts: its Euler characteristic
-/// is 2 · parts − 2 · genus − boundary loops.
-fn tunnels(mesh: &TriMesh) -> usize {
-    let edges = Edges::new(mesh);
-    let loops = edges.boundary_loops(mesh).len();
-    let twice = (2 * part_count(mesh) + edges.vertices.len())
-        .saturating_sub(mesh.vertices().len() + mesh.triangles().len() + loops);
-    twice / 2
-}
-
 /// Wall-clock seconds of each step.
 #[derive(Clone, Copy, Debug, PartialEq, Default, Serialize, Deserialize)]
 #[non_exhaustive]
@@ -224,25 +214,4 @@ pub struct ReconstructReport {
     pub missing: Vec<String>,
     /// Wall-clock seconds.
     pub seconds: Seconds,
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use if_core::shapes::meshes::{icosphere, tube};
-
-    #[test]
-    fn tunnels_are_counted_beside_openings() {
-        assert_eq!(tunnels(&icosphere(1.0, 2)), 0);
-        let sleeve = tube(0.1, 0.4, 12, 5, false);
-        assert_eq!((tunnels(&sleeve), part_count(&sleeve)), (0, 1));
-        // Its ends meet: a ring, and beside it the sleeve.
-        let last = sleeve.vertices().len() as u32 - 12;
-        let joined = |v: u32| if v < last { v } else { v - last };
-        let ring = sleeve.triangles().iter().map(|t| t.map(joined));
-        let beside = sleeve.triangles().iter().map(|t| t.map(|v| v + last));
-        let vertices = [&sleeve.vertices()[..last as usize], sleeve.vertices()].concat();
-        let both = TriMesh::new(vertices, ring.chain(beside).collect()).unwrap();
-        assert_eq!((tunnels(&both), part_count(&both)), (1, 2));
-    }
 }

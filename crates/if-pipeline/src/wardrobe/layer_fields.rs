@@ -11,6 +11,7 @@ use serde::{Deserialize, Serialize};
 /// settles.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
+#[non_exhaustive]
 pub enum Fields {
     /// Exact distances to their meshes.
     #[default]

@@ -6,6 +6,7 @@ use crate::reconstruct::progress::{control, report};
 use if_core::math::{Point, Real};
 use if_core::mesh::TriMesh;
 use if_core::monitor::{Monitor, Progress};
+use if_core::parameter::ParameterError;
 use if_neural::Ended;
 use if_neural::deform::{DeformParams, fit_deformation};
 use if_neural::deformation::DeformationNetwork;
@@ -33,6 +34,18 @@ pub struct MotionNetworkParams {
 impl Default for MotionNetworkParams {
     fn default() -> Self {
         Self { network: DeformationConfig::fast(1), seed: 1, fit: DeformParams::default() }
+    }
+}
+
+impl MotionNetworkParams {
+    /// Checks the ranges.
+    ///
+    /// # Errors
+    ///
+    /// The first parameter that is out of range.
+    pub fn validate(&self) -> Result<(), ParameterError> {
+        DeformationConfig { frames: 1, ..self.network.clone() }.layout()?;
+        self.fit.validate()
     }
 }
 
