@@ -64,6 +64,7 @@ mod tests {
         assert!(
             folded.contains("1 concave faces fold over each other, the first of them of face 0")
         );
-        assert_eq!(of("3 0 1 2"), [written.clone()], "the same face from its notch");
+        let other = of("3 0 1 2");
+        assert_eq!(&other[..], std::slice::from_ref(written), "the same face from its notch");
     }
 }
