@@ -224,7 +224,10 @@ impl Wardrobe {
         asset::check_name(name)?;
         let folder = self.root.join(BODIES).join(name);
         let info = body::read_info(&folder)?;
-        asset::check_there(&folder.join(&info.mesh.file))?;
+        let mesh = folder.join(&info.mesh.file);
+        if !mesh.exists() {
+            return Err(body::missing(&mesh));
+        }
         Ok(BodyInfo { name: name.into(), ..info })
     }
 

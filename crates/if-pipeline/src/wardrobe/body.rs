@@ -333,6 +333,12 @@ fn read_file(path: &Path) -> Result<Vec<u8>, WardrobeError> {
     regular_file::read(path).map_err(|source| WardrobeError::Folder { path: path.into(), source })
 }
 
+/// The error of a body without a file.
+pub(super) fn missing(path: &Path) -> WardrobeError {
+    let message = "the file is missing; add the body again".into();
+    WardrobeError::BodyInfo { path: path.into(), message }
+}
+
 /// Reads a file and checks its hash.
 fn load(folder: &Path, file: &FileInfo) -> Result<Source, WardrobeError> {
     let path = regular_file::inside(folder, &file.file).ok_or_else(|| {
@@ -342,10 +348,7 @@ fn load(folder: &Path, file: &FileInfo) -> Result<Source, WardrobeError> {
     })?;
     let bytes = regular_file::read(&path).map_err(|source| match source.kind() {
         // It stays so: other outfits go on.
-        io::ErrorKind::NotFound => {
-            let message = "the file is missing; add the body again".into();
-            WardrobeError::BodyInfo { path: path.clone(), message }
-        }
+        io::ErrorKind::NotFound => missing(&path),
         _ => WardrobeError::Folder { path: path.clone(), source },
     })?;
     let source = Source::new(&path, bytes);
