@@ -48,6 +48,9 @@ pub(super) fn removed(piece: &TriMesh, seen: &[bool]) -> Option<TriMesh> {
     };
     for patch in patches.iter().take(PATCHES) {
         let area: Real = patch.iter().map(|k| area(piece, *k)).sum();
+        if area > LATTICE * left as Real {
+            continue; // however many tunnels lead through it
+        }
         patch.iter().for_each(|k| kept[*k] = false);
         let fewer = left.saturating_sub(tunnels(&of(&kept)));
         if fewer > 0 && area <= LATTICE * fewer as Real {
