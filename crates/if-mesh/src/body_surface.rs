@@ -29,7 +29,6 @@
 mod boundary;
 mod lids;
 mod merge;
-mod orient;
 mod report;
 mod survey;
 #[cfg(test)]
@@ -129,6 +128,26 @@ pub fn turned_outwards(mesh: &TriMesh) -> Option<TriMesh> {
         }
     }
     Some(merge::with_triangles(mesh, triangles))
+}
+
+/// Numbers of the triangles of `mesh`, without the parts that are hidden in others, such as eyes in a head, and
+/// without sheets, such as lashes; ascending. `None` if there are none, and for what has no inside.
+pub fn without_hidden_parts(mesh: &TriMesh) -> Option<Vec<u32>> {
+    let part_of = parts(mesh);
+    let part = |t: &[u32; 3]| part_of[t[0] as usize] as usize;
+    let mut roots = mesh.triangles().iter().map(part);
+    let first = roots.next()?;
+    if roots.all(|root| root == first) {
+        return None;
+    }
+    let surface = BodySurface::new(mesh, &Edges::new(mesh)).ok()??;
+    let mut is_skin = vec![false; part_of.len()];
+    for (t, skin) in mesh.triangles().iter().zip(&surface.skin_of) {
+        is_skin[part(t)] |= skin.is_some();
+    }
+    let kept = (0..).zip(mesh.triangles()).filter(|(_, t)| is_skin[part(t)]);
+    let kept: Vec<u32> = kept.map(|(t, _)| t).collect();
+    (kept.len() < mesh.triangles().len()).then_some(kept)
 }
 
 /// Checks that a mesh can be a body.

@@ -59,6 +59,7 @@ pub mod marching;
 pub mod measure;
 mod normals;
 pub mod obj;
+mod orient;
 #[doc(hidden)]
 pub mod outward;
 pub mod ply;
@@ -72,6 +73,8 @@ pub mod raster;
 pub mod regular_file;
 pub mod sdf;
 pub mod seams;
+#[doc(hidden)]
+pub mod sheet;
 pub mod solid;
 pub mod split;
 pub mod validate;

@@ -122,7 +122,7 @@ pub(crate) fn is_flat([a, b, c]: [&Point; 3]) -> bool {
 }
 
 /// Triangles with the corners of an earlier one, in any order, ascending.
-fn repeats(triangles: &[[u32; 3]]) -> Vec<u32> {
+pub(crate) fn repeats(triangles: &[[u32; 3]]) -> Vec<u32> {
     let mut seen = HashSet::new();
     let corners = triangles.iter().map(|t| {
         let mut corners = *t;

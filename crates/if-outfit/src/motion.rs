@@ -36,6 +36,7 @@ mod opening;
 mod params;
 mod proof;
 mod scene;
+mod sides;
 mod snapshot;
 mod step;
 mod tolerated;

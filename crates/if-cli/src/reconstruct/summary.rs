@@ -1,7 +1,8 @@
 //! What a reconstruction found, for people.
 
 use if_pipeline::reconstruct::{
-    FieldsReport, MotionReport, PoseReport, ReconstructReport, Residual, SurfaceReport,
+    FieldsReport, GarmentReport, MotionReport, PoseReport, ReconstructReport, Residual,
+    SurfaceReport,
 };
 
 /// A line for each stage.
@@ -87,6 +88,7 @@ pub(super) fn warnings(report: &ReconstructReport) -> Vec<String> {
     let skipped = skipped.iter().take(NAMED).map(|why| format!("warning: {why}; it is not used"));
     let normals = odd_normals(&report.surface);
     let doubted = doubts(&report.surface);
+    let resized = report.poses.as_ref().and_then(resized);
     let guessed = report.garments.iter().filter(|g| g.unseen > MOST_UNSEEN).map(|garment| {
         format!(
             "warning: no frame sees {:.0} % of {}: what it has there is a guess; the person must be whole in the pictures, and turn",
@@ -99,6 +101,17 @@ pub(super) fn warnings(report: &ReconstructReport) -> Vec<String> {
         format!(
             "warning: {} came out in {} pieces: too little was seen of what lies between them, as under other clothes",
             garment.name, garment.pieces
+        )
+    });
+    let is_closed = |garment: &&GarmentReport| {
+        garment.pieces == 1 && garment.least_openings.is_some_and(|least| garment.openings < least)
+    };
+    let closed = report.garments.iter().filter(is_closed).map(|garment| {
+        format!(
+            "warning: {} has {} openings, a garment of that name at least {}: too little was seen of its ends, or labels, poses or masks are wrong",
+            garment.name,
+            garment.openings,
+            garment.least_openings.unwrap_or_default()
         )
     });
     let shown = |name: &String| report.labels.shown.get(name).copied().unwrap_or_default();
@@ -123,8 +136,10 @@ pub(super) fn warnings(report: &ReconstructReport) -> Vec<String> {
         .chain(more)
         .chain(normals)
         .chain(doubted)
+        .chain(resized)
         .chain(guessed)
         .chain(in_pieces)
+        .chain(closed)
         .chain(cut)
         .chain(missing)
         .collect()
@@ -156,6 +171,19 @@ fn refined(poses: &PoseReport) -> String {
     text + "\n"
 }
 
+/// Whether the focal lengths were so far off that the template's size may be: of these a video shows but
+/// the ratio. `None` if they were not.
+fn resized(poses: &PoseReport) -> Option<String> {
+    let percent = 100.0 * (1.0 / poses.camera_zoom - 1.0);
+    (poses.camera_zoom > 0.0 && percent.abs() > MOST_RESIZED).then(|| {
+        format!(
+            "warning: the body of --body looks {:.0} % {} than the person: it is another one's, of another size, or the camera's focal lengths are wrong; the garments have the body's size",
+            percent.abs(),
+            if percent > 0.0 { "larger" } else { "smaller" }
+        )
+    })
+}
+
 /// What became of the training of φ and d, in a line.
 fn trained(fields: &FieldsReport) -> String {
     let Some(last) = fields.rounds.last() else {
@@ -182,8 +210,12 @@ fn odd_normals(surface: &SurfaceReport) -> Option<String> {
     let flipped = axes.into_iter().zip(surface.normal_axes).filter(|(_, of)| *of < 0.0);
     let flipped: Vec<&str> = flipped.map(|(name, _)| name).collect();
     if !flipped.is_empty() {
+        let mirrored = match surface.normal_axes {
+            [_, y, z] if y < 0.0 || z < 0.0 => "",
+            _ => "; or the pictures are mirrored, as those of a selfie",
+        };
         return Some(format!(
-            "warning: the normals point the other way than the body along {}: docs/reference/capture.md has their axes",
+            "warning: the normals point the other way than the body along {}: docs/reference/capture.md has their axes{mirrored}",
             flipped.join(" and ")
         ));
     }
@@ -254,6 +286,10 @@ fn doubts(surface: &SurfaceReport) -> Option<String> {
 /// The share of a garment that no frame sees from which on it is doubted.
 const MOST_UNSEEN: f64 = 1.0 / 3.0;
 
+/// By how many per cent the template may be larger or smaller than the person before it is warned of: the
+/// focal length is found within one per cent.
+const MOST_RESIZED: f64 = 5.0;
+
 /// The share of the label images with a garment that show it at their edge from which on it is warned
 /// of: a sleeve may leave the picture now and then.
 const MOST_AT_EDGE: f64 = 0.75;
@@ -277,7 +313,7 @@ pub(super) fn moved(motion: &MotionReport) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use if_pipeline::reconstruct::{GarmentReport, LabelShown};
+    use if_pipeline::reconstruct::LabelShown;
 
     /// A report of trousers that so many of four label images show, and cut at their edge.
     fn trousers(frames: usize, at_edge: usize) -> ReconstructReport {
@@ -316,6 +352,35 @@ mod tests {
     }
 
     #[test]
+    fn ends_that_are_closed_are_named() {
+        let mut report = trousers(4, 0);
+        let garment = &mut report.garments[0];
+        (garment.pieces, garment.openings, garment.least_openings) = (1, 2, Some(3));
+        let [one] = &warnings(&report)[..] else { panic!("one warning") };
+        assert!(
+            one.contains("trousers has 2 openings, a garment of that name at least 3"),
+            "{one}"
+        );
+        report.garments[0].openings = 3;
+        assert!(warnings(&report).is_empty());
+    }
+
+    #[test]
+    fn a_body_of_another_size_than_the_person_is_named() {
+        let found = |zoom| {
+            let mut poses = PoseReport::default();
+            poses.camera_zoom = zoom;
+            let mut report = ReconstructReport::default();
+            report.poses = Some(poses);
+            warnings(&report)
+        };
+        let [one] = &found(0.87)[..] else { panic!("one warning") };
+        assert!(one.contains("looks 15 % larger than the person"), "{one}");
+        assert!(found(1.1)[0].contains("9 % smaller"));
+        assert!(found(0.97).is_empty() && found(1.0).is_empty());
+    }
+
+    #[test]
     fn what_is_missing_is_named_by_whether_a_label_image_has_it() {
         for (frames, why) in [(0, "no label image that was read"), (2, "too little of it")] {
             let mut report = trousers(frames, 0);
@@ -339,6 +404,7 @@ mod tests {
         };
         let flipped = found([0.9, -0.8, -0.9]);
         assert!(flipped.contains("along y (down) and z (away from the camera)"), "{flipped}");
+        assert!(!flipped.contains("mirrored") && found([-0.9, 0.8, 0.9]).contains("mirrored"));
         let other = found([0.9, 0.8, 0.1]);
         assert!(other.contains("90 % of the person's pixels contradict"), "{other}");
     }

@@ -2,9 +2,9 @@
 
 use super::boundary::closing_loops;
 use super::merge::{Merged, with_triangles};
-use super::orient::orient;
 use super::report::{BodyReport, Hole, NoInside};
 use crate::inverted::NO_VOLUME;
+use crate::orient::orient;
 use if_core::aabb::Aabb;
 use if_core::edges::{Edges, parts};
 use if_core::math::{Point, Real, Vector, area_vector};

@@ -3,6 +3,7 @@
 use super::ClosedLayer;
 use crate::body_surface::BodySurface;
 use crate::index::Bvh;
+use crate::sheet::Sheet;
 use crate::voxels::{Voxel, Voxels};
 use if_core::aabb::Aabb;
 use if_core::closest::ClosestPoint;
@@ -45,7 +46,7 @@ pub(super) fn closed_voxels(
     voxels.add_walls(mesh);
     cast_shadow(&mut voxels, mesh, edges, body.skin(), height * SHADOW);
     voxels.add_walls(body.surface().map_or(body_mesh, BodySurface::closed));
-    let closing = curtains_and_caps(mesh, edges, body);
+    let closing = curtains_and_caps(&Sheet::new(mesh, edges), body);
     voxels.add_walls_of(closing.into_par_iter().with_max_len(TASK));
     match body.surface() {
         Some(surface) => voxels.flood(|p| !surface.contains(p)),
@@ -153,28 +154,19 @@ fn segments(
 }
 
 /// What closes the openings of a garment over `body`.
-pub(super) fn curtains_and_caps(
-    mesh: &TriMesh,
-    edges: &Edges,
-    body: &ClosedLayer,
-) -> Vec<[Point; 3]> {
-    closing_within(mesh, edges, body, body.bvh.aabb().size().max() * CURTAIN)
+pub(super) fn curtains_and_caps(sheet: &Sheet, body: &ClosedLayer) -> Vec<[Point; 3]> {
+    closing_within(sheet, body, body.bvh.aabb().size().max() * CURTAIN)
 }
 
 /// Caps over the openings of a garment over `body`.
-pub(super) fn caps(mesh: &TriMesh, edges: &Edges, body: &ClosedLayer) -> Vec<[Point; 3]> {
-    closing_within(mesh, edges, body, 0.0)
+pub(super) fn caps(sheet: &Sheet, body: &ClosedLayer) -> Vec<[Point; 3]> {
+    closing_within(sheet, body, 0.0)
 }
 
 /// As [`curtains_and_caps`], with curtains where the body is within `reach` metres.
-fn closing_within(
-    mesh: &TriMesh,
-    edges: &Edges,
-    body: &ClosedLayer,
-    reach: Real,
-) -> Vec<[Point; 3]> {
-    let loops = edges.boundary_loops(mesh);
-    loops.iter().flat_map(|walk| closing(mesh, walk, body, reach)).collect()
+fn closing_within(sheet: &Sheet, body: &ClosedLayer, reach: Real) -> Vec<[Point; 3]> {
+    let loops = sheet.edges.boundary_loops(&sheet.mesh);
+    loops.iter().flat_map(|walk| closing(&sheet.mesh, walk, body, reach)).collect()
 }
 
 /// Curtains from the loop to the body, and a cap over the loop.

@@ -13,6 +13,7 @@
 use super::ClosedLayer;
 use super::closing::{caps, curtains_and_caps};
 use crate::index::Bvh;
+use crate::sheet::Sheet;
 use if_core::edges::{Edges, parts};
 use if_core::math::{Point, Real, Vector, area_vector};
 use if_core::mesh::TriMesh;
@@ -44,20 +45,21 @@ impl<'a> Exposure<'a> {
     /// Takes a garment and its tree, over `body`.
     pub fn new(mesh: &TriMesh, garment: &'a Bvh, body: &'a ClosedLayer) -> Self {
         let edges = Edges::new(mesh);
-        let closing = curtains_and_caps(mesh, &edges, body);
-        Self::closed_by(closing, (mesh, &edges), garment, body)
+        let sheet = Sheet::new(mesh, &edges);
+        Self::closed_by(curtains_and_caps(&sheet, body), &sheet, garment, body)
     }
 
     /// As [`new`](Self::new) without curtains, for garments that followed the body from a pose in which
     /// nothing was under them: from a hem in a fold a curtain leads to the limb that lies against it.
     pub fn in_pose(mesh: &TriMesh, garment: &'a Bvh, body: &'a ClosedLayer) -> Self {
         let edges = Edges::new(mesh);
-        Self::closed_by(caps(mesh, &edges, body), (mesh, &edges), garment, body)
+        let sheet = Sheet::new(mesh, &edges);
+        Self::closed_by(caps(&sheet, body), &sheet, garment, body)
     }
 
     fn closed_by(
         closing: Vec<[Point; 3]>,
-        (mesh, edges): (&TriMesh, &Edges),
+        sheet: &Sheet,
         garment: &'a Bvh,
         body: &'a ClosedLayer,
     ) -> Self {
@@ -74,7 +76,7 @@ impl<'a> Exposure<'a> {
             Vector::new(radius * turn.cos(), radius * turn.sin(), height) * reach
         };
         let ways = (0..DIRECTIONS).map(way).collect();
-        let is_blind = area_without_edge(mesh, edges) > WITHOUT_EDGE * mesh.area();
+        let is_blind = area_without_edge(sheet) > WITHOUT_EDGE * sheet.mesh.area();
         Self { garment, body: &body.bvh, closing, ways, is_blind }
     }
 
@@ -91,7 +93,7 @@ impl<'a> Exposure<'a> {
 }
 
 /// The area of the parts that have no boundary.
-fn area_without_edge(mesh: &TriMesh, edges: &Edges) -> Real {
+fn area_without_edge(Sheet { mesh, edges, .. }: &Sheet) -> Real {
     let part_of = parts(mesh);
     let mut has_edge = vec![false; mesh.vertices().len()];
     let boundary = edges.vertices.iter().zip(&edges.valence).filter(|(_, n)| **n == 1);
@@ -147,7 +149,12 @@ mod tests {
         };
         let kept = shirt.triangles().iter().copied().filter(is_kept).collect();
         let jacket = TriMesh::new(shirt.vertices().to_vec(), kept).unwrap();
-        for garment in [&shirt, &inwards, &jacket] {
+        let mixed = shirt.triangles().iter().zip(inwards.triangles()).enumerate();
+        let mixed = mixed.map(|(t, (a, b))| if t % 3 == 0 { *a } else { *b }).collect();
+        let mixed = TriMesh::new(shirt.vertices().to_vec(), mixed).unwrap();
+        let both = [shirt.triangles(), inwards.triangles()].concat();
+        let both = TriMesh::new(shirt.vertices().to_vec(), both).unwrap();
+        for garment in [&shirt, &inwards, &mixed, &both, &jacket] {
             for y in [-0.295, -0.25, 0.0, 0.25, 0.295] {
                 assert!(!is_exposed(&torso(), garment, [-0.11, y]), "{y}");
                 assert!(is_exposed(&torso(), garment, [-0.125, y]), "{y}");

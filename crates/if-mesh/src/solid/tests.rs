@@ -66,6 +66,17 @@ fn a_flared_skirt_has_an_inside_down_to_its_hem() {
     let mesh = body();
     let solid = ClosedLayer::body(&mesh);
     let skirt = lathe(&[(0.32, 0.5), (0.25, 0.7), (0.18, 0.9), (0.12, 1.0)], 64);
+    // As given, with triangles of both windings, and with a back.
+    let flip = |t: &[u32; 3]| [t[0], t[2], t[1]];
+    let back: Vec<[u32; 3]> = skirt.triangles().iter().map(flip).collect();
+    let mixed = skirt.triangles().iter().zip(&back).enumerate();
+    let mixed = mixed.map(|(t, (a, b))| if t % 3 == 0 { *b } else { *a }).collect();
+    let both = [skirt.triangles(), &back].concat();
+    for triangles in [mixed, both] {
+        let skirt = TriMesh::new(skirt.vertices().to_vec(), triangles).unwrap();
+        let layer = ClosedLayer::garment(&skirt, &solid, &mesh);
+        check(&layer, &[(0.2, 0.6, -1.0), (0.15, 0.52, -1.0), (0.29, 0.6, 1.0), (0.2, 0.4, 1.0)]);
+    }
     let layer = ClosedLayer::garment(&skirt, &solid, &mesh);
     check(
         &layer,

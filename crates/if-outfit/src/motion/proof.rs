@@ -96,14 +96,19 @@ pub(super) fn prove(scene: &Scene, positions: &[Point], tolerated: &Tolerated) -
     }
     let mut body = None;
     for (below, (mesh, tree)) in layers.iter().enumerate().take(scene.layers() - 1) {
+        let sides = scene.sides[below].as_ref();
+        let told = sides.map(|sides| sides.mesh(mesh.vertices()));
         // An empty mesh is the only other error, and layers have triangles.
-        let Ok(field) = MeshSdf::open(mesh, Real::INFINITY) else { continue };
+        let Ok(field) = MeshSdf::open(told.as_ref().unwrap_or(mesh), Real::INFINITY) else {
+            continue;
+        };
         let mut found = behind(scene, positions, below, &field);
         if let (0, Some(pinched)) = (below, &mut proof.pinched) {
             // Where the body passes itself, the nearest skin is that of a pinch.
             for v in found {
                 let nearest = field.surface().closest(&positions[v], REACH);
-                if nearest.is_some_and(|c| tolerated.is_pinched(c.triangle)) {
+                let triangle = nearest.map(|c| sides.map_or(c.triangle, |s| s.given(c.triangle)));
+                if triangle.is_some_and(|t| tolerated.is_pinched(t)) {
                     pinched.inside[scene.layer_of(v as u32) - 1] += 1;
                 } else {
                     proof.inside += 1;

@@ -1,6 +1,7 @@
 //! All layers of an outfit as one mesh: body and garments are solved in one problem.
 
 use super::params::WalkParams;
+use super::sides::Sides;
 use crate::outfit::Outfit;
 use if_core::edges::parts;
 use if_core::math::{Point, Real, area_vector};
@@ -45,6 +46,8 @@ pub(super) struct Scene {
     pub(super) used: Vec<bool>,
     /// For each vertex the first one of its connected part.
     pub(super) part_of: Vec<u32>,
+    /// For each layer what tells its sides; `None` where it does so itself.
+    pub(super) sides: Vec<Option<Sides>>,
 }
 
 impl Scene {
@@ -82,7 +85,12 @@ impl Scene {
             inverse_mass: Vec::new(),
             doubled,
             owned,
+            sides: Vec::new(),
         };
+        let layers = 0..scene.layers();
+        let layers: Vec<TriMesh> =
+            layers.map(|layer| scene.layer_mesh(scene.mesh.vertices(), layer)).collect();
+        scene.sides = Sides::new(&layers);
         scene.weigh(params);
         scene.measure_edges();
         scene

@@ -132,6 +132,56 @@ fn a_body_may_wind_inwards() {
     }
 }
 
+#[test]
+fn a_garment_tells_its_sides_however_it_is_wound_and_on_both_sides() {
+    let flip = |t: &[u32; 3]| [t[0], t[2], t[1]];
+    let body = tube(0.1, 1.0, 48, 24, true);
+    let shirt = tube(0.2, 0.6, 48, 24, false);
+    let n = shirt.vertices().len() as u32;
+    let inwards: Vec<[u32; 3]> = shirt.triangles().iter().map(flip).collect();
+    let mixed = shirt.triangles().iter().zip(&inwards).enumerate();
+    let mixed = mixed.map(|(t, (a, b))| if t % 3 == 0 { *a } else { *b }).collect();
+    let back = inwards.iter().map(|t| t.map(|v| v + n));
+    let both = shirt.triangles().iter().copied().chain(back).collect();
+    let twice = [shirt.vertices(), shirt.vertices()].concat();
+    let shirts = [
+        shirt.clone(),
+        TriMesh::new(shirt.vertices().to_vec(), inwards).unwrap(),
+        TriMesh::new(shirt.vertices().to_vec(), mixed).unwrap(),
+        TriMesh::new(twice, both).unwrap(),
+    ];
+    // Under the shirt's cloth, near it and near its hem, and beyond it.
+    let at = |x: Real, y: Real| {
+        let bead = icosphere(0.01, 1);
+        let moved = bead.vertices().iter().map(|p| p + Vector::new(x, y, 0.0)).collect();
+        bead.with_vertices(moved).unwrap()
+    };
+    for shirt in shirts {
+        for (x, y, is_inside) in [(0.18, 0.3, true), (0.17, 0.05, true), (0.23, 0.3, false)] {
+            let bead = at(x, y);
+            let count = if is_inside { bead.vertices().len() } else { 0 };
+            let outfit = outfit(body.clone(), vec![shirt.clone(), bead]);
+            let walker = Walker::new(&outfit, WalkParams::default()).unwrap();
+            assert_eq!(walker.prove(walker.rest()).unwrap().inside, count, "{x} {y}");
+            assert_eq!(judged(&walker, &outfit, walker.rest()), (0, count), "{x} {y}");
+        }
+    }
+}
+
+#[test]
+fn parts_hidden_in_the_body_hide_no_vertices() {
+    let [skin, inner] = [icosphere(0.15, 3), icosphere(0.08, 3)];
+    let n = skin.vertices().len() as u32;
+    let more = inner.triangles().iter().map(|t| t.map(|v| v + n));
+    let triangles = skin.triangles().iter().copied().chain(more).collect();
+    let body = TriMesh::new([skin.vertices(), inner.vertices()].concat(), triangles).unwrap();
+    let belt = ball_and_belt(0.1).garments[0].mesh.clone();
+    let count = belt.vertices().len();
+    let outfit = outfit(body, vec![belt]);
+    let walker = Walker::new(&outfit, WalkParams::default()).unwrap();
+    assert_eq!(walker.prove(walker.rest()).unwrap().inside, count);
+}
+
 /// A body, a shirt that turns outwards and down at its top, 1 m up, and a tube over it.
 fn collar_and_coat() -> (Walker, usize, Outfit) {
     let skin = tube(0.1, 1.6, 48, 64, true);

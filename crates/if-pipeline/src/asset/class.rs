@@ -34,6 +34,15 @@ impl GarmentClass {
             Self::Other => None,
         }
     }
+
+    /// Smallest number of openings: open in front, hem, front and neck or waist are one. `None` if unknown.
+    pub fn least_openings(self) -> Option<usize> {
+        match self {
+            Self::Skirt => Some(1),
+            Self::Legs | Self::Dress | Self::Top | Self::Outer => Some(3),
+            Self::Other => None,
+        }
+    }
 }
 
 /// The layer of a garment. A hint: outfits may have any other order.

@@ -71,6 +71,8 @@ pub struct GarmentReport {
     pub openings: usize,
     /// Largest number of openings for its class, if the name determines the class.
     pub most_openings: Option<usize>,
+    /// Smallest number of openings of its class: open in front. `None` if unknown.
+    pub least_openings: Option<usize>,
     /// Holes that were filled.
     pub filled: usize,
     /// Holes that could not be filled.
@@ -136,6 +138,7 @@ impl GarmentReport {
             unseen: garment.unseen,
             openings: clean.holes.openings.len(),
             most_openings: LayerHint::of_name(&garment.name).class.most_openings(),
+            least_openings: LayerHint::of_name(&garment.name).class.least_openings(),
             filled: clean.holes.filled.len(),
             holes_left: clean.holes.left.len(),
             dropped: clean.components.dropped.len(),

@@ -5,7 +5,7 @@ use if_core::edges::{Edges, NONE};
 /// Turns triangles so that neighbours wind alike, the fewer ones of each patch, where a patch is
 /// connected by edges of two triangles. Returns how many were turned. One-sided patches keep edges
 /// along which neighbours wind against each other.
-pub(super) fn orient(triangles: &mut [[u32; 3]], edges: &Edges) -> usize {
+pub(crate) fn orient(triangles: &mut [[u32; 3]], edges: &Edges) -> usize {
     let forward = |t: usize, k: usize| triangles[t][k] < triangles[t][(k + 1) % 3];
     let direction = |t: u32, e: usize| {
         let k = edges.of_triangle[t as usize].iter().position(|other| *other as usize == e);
