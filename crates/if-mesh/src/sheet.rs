@@ -11,6 +11,7 @@ use if_core::closest::ClosestPoint;
 use if_core::edges::{Edges, parts_by_edges};
 use if_core::math::{Point, Real, area_vector, unit_or_zero};
 use if_core::mesh::TriMesh;
+use rayon::prelude::*;
 use std::borrow::Cow;
 
 /// A garment as one sheet.
@@ -46,43 +47,90 @@ impl<'a> Sheet<'a> {
     }
 }
 
-/// The triangles of a garment as one sheet, wound away from `body`, each with its number in the garment;
-/// `None` if they are the garment's own. What has no edge, such as cloth with thickness, is wound outwards.
-pub fn away_from(mesh: &TriMesh, body: &Bvh) -> Option<(Vec<[u32; 3]>, Vec<u32>)> {
-    let all = Edges::new(mesh);
-    let Sheet { mesh: sheet, edges, given } = Sheet::new(mesh, &all);
-    let inside = edges.triangles.iter().zip(&edges.valence).filter(|(_, n)| **n == 2);
-    let patches = parts_by_edges(inside.map(|(t, _)| *t), sheet.triangles().len());
-    let mut has_edge = vec![false; patches.len()];
-    for (t, of_triangle) in edges.of_triangle.iter().enumerate() {
-        let ends = of_triangle.iter().any(|e| edges.valence[*e as usize] != 2);
-        has_edge[patches[t] as usize] |= ends;
+/// The parts of a sheet that are connected by edges of two triangles.
+struct Patches {
+    /// For each triangle the first one of its patch.
+    of: Vec<u32>,
+    /// By first triangle: whether the patch has an edge of another number of triangles.
+    has_edge: Vec<bool>,
+}
+
+impl Sheet<'_> {
+    fn patches(&self) -> Patches {
+        let edges = &self.edges;
+        let inside = edges.triangles.iter().zip(&edges.valence).filter(|(_, n)| **n == 2);
+        let of = parts_by_edges(inside.map(|(t, _)| *t), edges.of_triangle.len());
+        let mut has_edge = vec![false; of.len()];
+        for (of_triangle, patch) in edges.of_triangle.iter().zip(&of) {
+            has_edge[*patch as usize] |=
+                of_triangle.iter().any(|e| edges.valence[*e as usize] != 2);
+        }
+        Patches { of, has_edge }
     }
-    // By how much each patch faces away from the body.
-    let mut outwards = vec![0.0; patches.len()];
-    for (t, patch) in patches.iter().enumerate() {
-        let [a, b, c] = sheet.corners(t);
-        let area = area_vector(a, b, c);
-        outwards[*patch as usize] += match has_edge[*patch as usize] {
-            true => {
-                let middle = Point::from((a.coords + b.coords + c.coords) / 3.0);
-                let nearest = body.closest(&middle, Real::INFINITY);
-                nearest.map_or(0.0, |c| area.dot(&unit_or_zero(&(middle - c.point))))
+
+    /// By first triangle the volume of each patch that has no edge, six times.
+    fn volumes(&self, Patches { of, has_edge }: &Patches) -> Vec<Real> {
+        let mut volumes = vec![0.0; of.len()];
+        for (t, patch) in of.iter().map(|patch| *patch as usize).enumerate() {
+            if !has_edge[patch] {
+                let [a, b, c] = self.mesh.corners(t);
+                volumes[patch] += area_vector(a, b, c).dot(&a.coords);
             }
-            false => area.dot(&a.coords),
-        };
+        }
+        volumes
     }
-    let is_turned = outwards.iter().any(|o| *o < 0.0);
-    if given.is_empty() && !is_turned {
+
+    /// The area of triangle `t` as seen from the nearest point of `body`; negative if its front is.
+    fn away(&self, t: usize, body: &Bvh) -> Real {
+        let [a, b, c] = self.mesh.corners(t);
+        let middle = Point::from((a.coords + b.coords + c.coords) / 3.0);
+        let nearest = body.closest(&middle, Real::INFINITY);
+        nearest.map_or(0.0, |n| area_vector(a, b, c).dot(&unit_or_zero(&(middle - n.point))))
+    }
+
+    /// Where cloth with thickness, which has no edge, turns round from the side that faces away from `body` to
+    /// the one that faces it.
+    pub(crate) fn rims(&self, body: &Bvh) -> Vec<Vec<u32>> {
+        let patches = self.patches();
+        let Patches { of, has_edge } = &patches;
+        if of.iter().all(|patch| has_edge[*patch as usize]) {
+            return Vec::new();
+        }
+        let volumes = self.volumes(&patches);
+        let outer = (0..of.len()).into_par_iter().filter(|t| {
+            let patch = of[*t] as usize;
+            !has_edge[patch] && self.away(*t, body) * volumes[patch] > 0.0
+        });
+        let outer: Vec<[u32; 3]> = outer.map(|t| self.mesh.triangles()[t]).collect();
+        let outer = with_triangles(&self.mesh, outer);
+        Edges::new(&outer).boundary_loops(&outer)
+    }
+}
+
+/// The triangles of a garment as one sheet, wound away from `body`, each with its number in the garment;
+/// `None` if they are the garment's own. Of cloth with thickness it is the side that faces away.
+pub fn away_from(mesh: &TriMesh, body: &Bvh) -> Option<(Vec<[u32; 3]>, Vec<u32>)> {
+    let edges = Edges::new(mesh);
+    let sheet = Sheet::new(mesh, &edges);
+    let patches = sheet.patches();
+    let mut outwards = sheet.volumes(&patches);
+    let Patches { of, has_edge } = patches;
+    let away: Vec<Real> = (0..of.len()).into_par_iter().map(|t| sheet.away(t, body)).collect();
+    for (away, patch) in away.iter().zip(&of).filter(|(_, patch)| has_edge[**patch as usize]) {
+        outwards[*patch as usize] += away;
+    }
+    let told = (0..of.len()).filter_map(|t| {
+        let (patch, [a, b, c]) = (of[t] as usize, sheet.mesh.triangles()[t]);
+        let is_told = has_edge[patch] || away[t] * outwards[patch] > 0.0;
+        let corners = if outwards[patch] < 0.0 { [a, c, b] } else { [a, b, c] };
+        is_told.then_some((corners, t as u32))
+    });
+    let (triangles, own): (Vec<[u32; 3]>, Vec<u32>) = told.unzip();
+    if triangles == mesh.triangles() {
         return None;
     }
-    let turned = |(t, [a, b, c]): (usize, &[u32; 3])| match outwards[patches[t] as usize] < 0.0 {
-        true => [*a, *c, *b],
-        false => [*a, *b, *c],
-    };
-    let triangles = sheet.triangles().iter().enumerate().map(turned).collect();
-    let own = || (0..patches.len() as u32).collect();
-    Some((triangles, if given.is_empty() { own() } else { given }))
+    let given = |t: u32| sheet.given.get(t as usize).copied().unwrap_or(t);
+    Some((triangles, own.into_iter().map(given).collect()))
 }
 
 #[cfg(test)]
@@ -143,10 +191,17 @@ mod tests {
             assert!(outwards(&triangles));
             assert_eq!(given, (0..shirt.triangles().len() as u32).collect::<Vec<_>>());
         }
-        // What has no edge is wound outwards, wherever the body is.
-        let button = icosphere(0.01, 1);
-        let (triangles, _) = away_from(&with(&button, |_| true), &body).unwrap();
-        assert!(with_triangles(&button, triangles).signed_volume() > 0.0);
-        assert!(away_from(&button, &body).is_none());
+        // Of what has no edge, wherever the winding leads, the side that faces away.
+        let button = icosphere(0.01, 2);
+        let moved = button.vertices().iter().map(|p| p + Vector::x() * 0.15).collect();
+        let button = button.with_vertices(moved).unwrap();
+        for turned in [false, true] {
+            let (triangles, given) = away_from(&with(&button, |_| turned), &body).unwrap();
+            assert!(given.len() > button.triangles().len() / 3 && triangles.len() == given.len());
+            for t in triangles {
+                let [a, b, c] = t.map(|v| &button.vertices()[v as usize]);
+                assert!(unit_or_zero(&area_vector(a, b, c)).x > -0.1);
+            }
+        }
     }
 }

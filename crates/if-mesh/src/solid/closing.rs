@@ -163,10 +163,13 @@ pub(super) fn caps(sheet: &Sheet, body: &ClosedLayer) -> Vec<[Point; 3]> {
     closing_within(sheet, body, 0.0)
 }
 
-/// As [`curtains_and_caps`], with curtains where the body is within `reach` metres.
+/// As [`curtains_and_caps`], with curtains where the body is within `reach` metres. The rims of cloth with
+/// thickness have caps alone: where a sleeve of it turns to the trunk, a curtain would lead there.
 fn closing_within(sheet: &Sheet, body: &ClosedLayer, reach: Real) -> Vec<[Point; 3]> {
     let loops = sheet.edges.boundary_loops(&sheet.mesh);
-    loops.iter().flat_map(|walk| closing(&sheet.mesh, walk, body, reach)).collect()
+    let hems = loops.iter().flat_map(|walk| closing(&sheet.mesh, walk, body, reach));
+    let rims = sheet.rims(body.skin());
+    hems.chain(rims.iter().flat_map(|walk| closing(&sheet.mesh, walk, body, 0.0))).collect()
 }
 
 /// Curtains from the loop to the body, and a cap over the loop.

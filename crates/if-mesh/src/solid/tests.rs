@@ -1,4 +1,5 @@
 use super::*;
+use crate::seams::weld;
 use if_core::aabb::Aabb;
 use if_core::field::SignedDistance;
 use if_core::monitor::Silent;
@@ -72,8 +73,14 @@ fn a_flared_skirt_has_an_inside_down_to_its_hem() {
     let mixed = skirt.triangles().iter().zip(&back).enumerate();
     let mixed = mixed.map(|(t, (a, b))| if t % 3 == 0 { *b } else { *a }).collect();
     let both = [skirt.triangles(), &back].concat();
-    for triangles in [mixed, both] {
-        let skirt = TriMesh::new(skirt.vertices().to_vec(), triangles).unwrap();
+    // With thickness: lined 5 mm further in, one surface without an edge.
+    let rows = [(0.32, 0.5), (0.25, 0.7), (0.18, 0.9), (0.12, 1.0)];
+    let lining = rows.iter().rev().map(|(r, y)| (r - 5e-3, *y));
+    let closed: Vec<_> = rows.into_iter().chain(lining).chain([rows[0]]).collect();
+    let thick = weld(&lathe(&closed, 64)).unwrap().mesh;
+    assert!(Edges::new(&thick).boundary_loops(&thick).is_empty());
+    let open = [mixed, both].map(|t| TriMesh::new(skirt.vertices().to_vec(), t).unwrap());
+    for skirt in open.into_iter().chain([thick]) {
         let layer = ClosedLayer::garment(&skirt, &solid, &mesh);
         check(&layer, &[(0.2, 0.6, -1.0), (0.15, 0.52, -1.0), (0.29, 0.6, 1.0), (0.2, 0.4, 1.0)]);
     }

@@ -1,5 +1,6 @@
 use super::*;
 use crate::outfit::{Layer, Outfit};
+use if_core::edges::Edges;
 use if_core::math::{Point, Real, Vector};
 use if_core::mesh::TriMesh;
 use if_core::monitor::{Cancelled, Monitor, Progress, Silent};
@@ -132,6 +133,22 @@ fn a_body_may_wind_inwards() {
     }
 }
 
+/// A tube of radius 0.2 with a lining of radius `inner`: one surface without an edge.
+fn thick(tube: &TriMesh, inner: Real) -> TriMesh {
+    let n = tube.vertices().len() as u32;
+    let within =
+        tube.vertices().iter().map(|p| Point::new(p.x * inner / 0.2, p.y, p.z * inner / 0.2));
+    let vertices = tube.vertices().iter().copied().chain(within).collect();
+    let lining = tube.triangles().iter().map(|t| [t[0] + n, t[2] + n, t[1] + n]);
+    let rims = Edges::new(tube).boundary_loops(tube).into_iter().flat_map(|walk| {
+        let next = [&walk[1..], &walk[..1]].concat();
+        let sides = walk.into_iter().zip(next);
+        sides.flat_map(|(a, b)| [[a + n, b, a], [b, a + n, b + n]]).collect::<Vec<_>>()
+    });
+    TriMesh::new(vertices, tube.triangles().iter().copied().chain(lining).chain(rims).collect())
+        .unwrap()
+}
+
 #[test]
 fn a_garment_tells_its_sides_however_it_is_wound_and_on_both_sides() {
     let flip = |t: &[u32; 3]| [t[0], t[2], t[1]];
@@ -149,6 +166,7 @@ fn a_garment_tells_its_sides_however_it_is_wound_and_on_both_sides() {
         TriMesh::new(shirt.vertices().to_vec(), inwards).unwrap(),
         TriMesh::new(shirt.vertices().to_vec(), mixed).unwrap(),
         TriMesh::new(twice, both).unwrap(),
+        thick(&shirt, 0.195),
     ];
     // Under the shirt's cloth, near it and near its hem, and beyond it.
     let at = |x: Real, y: Real| {
