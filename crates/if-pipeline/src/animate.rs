@@ -84,7 +84,7 @@ pub fn animate(
 ///
 /// # Errors
 ///
-/// [`AnimateError`]: an outfit that is not clean, parameters out of range, a folder that cannot be
+/// [`AnimateError`]: an outfit whose layers intersect, parameters out of range, a folder that cannot be
 /// written or in which another process keeps frames, or the monitor cancelled.
 pub fn follow(
     movement: Movement<'_>,

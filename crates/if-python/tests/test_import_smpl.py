@@ -111,6 +111,19 @@ def test_a_converted_capture_is_reconstructed_as_the_original(theirs, source):
     assert np.mean(converted) < np.mean(original) + 1e-5
 
 
+def test_hair_that_hides_clothes_is_background(theirs):
+    command = ["ifgarments.import_smpl", theirs / "theirs", "--model", theirs / "smpl.npz"]
+    command += ["--frames", 1, "--labels", theirs / "extra/parser", "--garment", "tshirt=5"]
+    for name, more in (("hair", ["--background", "0,13"]), ("skin", [])):
+        made = run(*command, *more, "--out", theirs / name)
+        assert made.returncode == 0, made.stderr
+    hair, skin = (np.array(Image.open(theirs / f"{n}/label/0000.png")) for n in ("hair", "skin"))
+    changed = hair != skin
+    assert changed.any() and (hair[changed] == 0).all() and (skin[changed] == 1).all()
+    wrong = run(*command, "--background", "a", "--out", theirs / "wrong")
+    assert wrong.returncode == 2 and "NUMBER,NUMBER" in wrong.stderr
+
+
 def distances(points, others):
     """From points to the nearest of others."""
     return np.array([np.linalg.norm(others - p, axis=1).min() for p in points[::5]])

@@ -171,6 +171,10 @@ fn a_batch_in_shards_has_the_bytes_of_one_process() {
     let shard = folder.ifg(&format!("{longer} --out parts --shard 1/1")).expect(0);
     let lines = shard.stdout.lines().count();
     assert!((3..5).contains(&lines), "two are done, not ten: {}", shard.stdout);
+    let rows = std::fs::read_to_string(folder.path("parts/shards/1-of-1/summary.csv")).unwrap();
+    for row in rows.lines().skip(1) {
+        assert!(row.rsplit(',').nth(1).is_some_and(|seconds| !seconds.is_empty()), "{row}");
+    }
     folder.ifg(&format!("{longer} --out parts")).expect(0);
     folder.ifg(&format!("{longer} --out ten")).expect(0);
     assert!(results(&folder, "parts") == results(&folder, "ten"), "the files differ");

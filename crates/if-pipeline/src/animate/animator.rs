@@ -109,7 +109,7 @@ impl<'a> Animator<'a> {
     ///
     /// # Errors
     ///
-    /// An outfit that is invalid or not clean, parameters out of range, or poses of another skeleton.
+    /// An outfit that is invalid or whose layers intersect, parameters out of range, or poses of another skeleton.
     pub fn new(movement: Movement<'a>, params: AnimateParams) -> Result<Self, AnimateError> {
         params.validate()?;
         movement.check()?;

@@ -37,7 +37,7 @@ pub enum AnimateError {
     /// A parameter is out of range.
     #[error(transparent)]
     Parameter(#[from] ParameterError),
-    /// The outfit is invalid, or not clean at rest.
+    /// The outfit is invalid, or its layers intersect at rest.
     #[error(transparent)]
     Walk(WalkError),
     /// A file of a frame cannot be read or written.

@@ -103,15 +103,15 @@ pub fn run(
                 }
                 ControlFlow::Continue(())
             };
-            let places = (&results, whole.as_deref());
-            let one = || run_into(places, dresser, combination, params, batch.again, &mut monitor);
+            let into = (&results, whole.as_deref());
+            let one = || run_into(into, dresser, combination, params, batch.again, &mut monitor);
             let outcome = catch_unwind(AssertUnwindSafe(one)).unwrap_or_else(|panic| {
                 Err(WardrobeError::Panic { message: panic_message(panic.as_ref()) })
             });
             let (entry, before) = match outcome {
                 Ok((result, before)) => {
                     let folder = folder_name(&result.key).to_owned();
-                    let timings = read_timings(&results.parent().join(&folder));
+                    let timings = places(out).find_map(|place| read_timings(&place.join(&folder)));
                     (Entry::of(&result, folder, timings.map(|t| t.total)), before)
                 }
                 Err(WardrobeError::Cancelled(_)) => {
@@ -177,6 +177,11 @@ fn whole_of(out: &Path) -> Option<PathBuf> {
     Some(shards.parent()?.join(RESULTS))
 }
 
+/// Where results may be: of this folder, and of the whole that it is a part of.
+fn places(out: &Path) -> impl Iterator<Item = PathBuf> {
+    std::iter::once(out.join(RESULTS)).chain(whole_of(out))
+}
+
 /// Moves the results of all parts to those of the whole. A finished result that is there already stays.
 fn collect(out: &Path, results: &FolderWriter) -> Result<(), WardrobeError> {
     let fault = |path: &Path| {
@@ -235,7 +240,8 @@ pub fn done(
     let mut count = 0;
     for combination in combinations {
         let (key, _) = request(dresser.wardrobe(), combination, params)?;
-        count += usize::from(finished(&out.join(RESULTS).join(folder_name(&key)), &key).is_some());
+        let is_done = |place: PathBuf| finished(&place.join(folder_name(&key)), &key).is_some();
+        count += usize::from(places(out).any(is_done));
     }
     Ok(count)
 }
@@ -286,7 +292,8 @@ fn write_summary(out: &Path, summary: &BatchSummary) -> Result<(), WardrobeError
         );
     }
     write(CSV, csv.as_bytes())?;
-    let picture =
-        |entry: &Entry| std::fs::read(out.join(RESULTS).join(&entry.folder).join("after.png")).ok();
+    let picture = |entry: &Entry| {
+        places(out).find_map(|place| fs::read(place.join(&entry.folder).join("after.png")).ok())
+    };
     write(REPORT, pages::batch(summary, picture).as_bytes())
 }

@@ -70,7 +70,8 @@ def convert(
         labels: folder with pictures of a human parser, one for each frame of the source. Without
             it, every pixel of the person is skin, and no garments are found.
         garments: names, inner to outer, and the parser's numbers of each. All others are skin.
-        background: the parser's numbers of the background.
+        background: the parser's numbers of the background, and of what hides clothes, such as
+            hair and bags: as skin it would cut a hole.
         normals: folder with RGB pictures of normals, one for each frame of the source. Without it
             they are missing, and the surface follows silhouettes only.
         normal_axes: ``"opengl"`` (x right, y up, z to the viewer; PIFuHD, SelfRecon) or

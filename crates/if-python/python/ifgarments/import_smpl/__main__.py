@@ -9,15 +9,18 @@ from ..errors import CaptureError
 from . import convert
 
 
+def _numbers(text: str) -> list[int]:
+    try:
+        return [int(number) for number in text.split(",")]
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"{text!r} is not NUMBER,NUMBER…") from None
+
+
 def _garment(text: str) -> tuple[str, list[int]]:
     name, _, numbers = text.partition("=")
     if not name:
         raise argparse.ArgumentTypeError(f"{text!r} has no name before =")
-    try:
-        return name, [int(number) for number in numbers.split(",")]
-    except ValueError:
-        problem = f"{text!r} is not NAME=NUMBER,NUMBER…"
-        raise argparse.ArgumentTypeError(problem) from None
+    return name, _numbers(numbers)
 
 
 def _sigma(text: str) -> tuple[float, float]:
@@ -50,6 +53,13 @@ def _parser() -> argparse.ArgumentParser:
         metavar="NAME=NUMBERS",
         help="a garment and the parser's numbers for it; repeat it, inner to outer",
     )
+    add(
+        "--background",
+        type=_numbers,
+        default=[0],
+        metavar="NUMBERS",
+        help="the parser's numbers for the background, and for hair and bags that hide clothes (0)",
+    )
     add("--normals", metavar="DIR", help="pictures of normals, one for each frame")
     add("--normal-axes", choices=("opengl", "opencv"), default="opengl")
     add(
@@ -79,6 +89,7 @@ def main() -> int:
             poses_file=given.poses,
             labels=given.labels,
             garments=dict(given.garment),
+            background=given.background,
             normals=given.normals,
             normal_axes=given.normal_axes,
             pose_sigma=given.pose_noise,
