@@ -1,7 +1,8 @@
 //! Cloth as one sheet: of triangles that repeat others, as on the back of a two-sided export, one counts,
 //! and neighbours wind alike.
 //!
-//! Only then are its hems boundary edges, and the boundary's edges loops.
+//! Only then are its hems boundary edges, and the boundary's edges loops. Cloth with thickness is one sheet, too:
+//! the side that faces away from the body.
 
 use crate::body_surface::with_triangles;
 use crate::index::Bvh;
@@ -115,10 +116,7 @@ impl Sheet<'_> {
             for e in self.edges.of_triangle[t as usize] {
                 let [a, b] = self.edges.triangles[e as usize];
                 let other = if a == t { b } else { a };
-                if other != NONE
-                    && outer[other as usize].is_none()
-                    && !has_edge[of[t as usize] as usize]
-                {
+                if other != NONE && outer[other as usize].is_none() {
                     outer[other as usize] = outer[t as usize];
                     next.push_back(other);
                 }
