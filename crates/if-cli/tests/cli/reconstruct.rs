@@ -77,7 +77,9 @@ fn what_is_wrong_is_said_before_anything_is_written() {
     });
     refused("", &["12 joints", "has 13", "give --body"]);
     edit(&folder, |meta| meta["t"] = json!([0.0, 0.0, -50.0]));
-    refused("", &["none of the 6 frames", "frame 0", "lies elsewhere"]);
+    refused("", &["none of the 6 frames", "frame 0", "lies elsewhere", "behind the camera"]);
+    edit(&folder, |meta| meta["t"][2] = json!(3000.0));
+    refused("", &["lies elsewhere", "m from the camera", "in metres?"]);
     edit(&folder, |meta| meta["frames"][1]["root_t"] = json!([0.0, 1e300, 0.0]));
     refused("", &["frame 1", "moves the root"]);
     let picture = folder.read("cap/mask_noisy/0003.png");

@@ -3,6 +3,7 @@
 use super::skipped::Skipped;
 use crate::capture::CaptureError;
 use if_body::{PoseError, SkinError};
+use if_core::math::Real;
 use if_core::mesh::MeshError;
 use if_core::monitor::Cancelled;
 use if_core::parameter::ParameterError;
@@ -57,8 +58,15 @@ pub enum ReconstructError {
     )]
     Memory { frames: usize, bytes: u64, limit: u64 },
     /// No frame is usable.
-    #[error("none of the {frames} frames can be used: {first}; check masks, poses and camera")]
-    NothingSeen { frames: usize, first: Skipped },
+    #[error("none of the {frames} frames can be used: {first}; {}", what_to_check(*depth))]
+    NothingSeen {
+        /// Number of frames.
+        frames: usize,
+        /// Why the first is not used.
+        first: Skipped,
+        /// How far its person's root stands before the camera, about, in metres.
+        depth: Real,
+    },
     /// The equations of a round of the surface have no finite solution.
     #[error(
         "round {round} of the surface has no finite solution; check the scale of normals and weights"
@@ -198,5 +206,22 @@ impl From<FitError> for ReconstructError {
             FitError::Parameter(parameter) => Self::Parameter(parameter),
             other => Self::Fit(other),
         }
+    }
+}
+
+/// Distance from the camera, in metres, beyond which lengths are hardly in metres.
+const FAR: Real = 100.0;
+
+/// What may be wrong if no frame can be used.
+fn what_to_check(depth: Real) -> String {
+    match depth {
+        d if d <= 0.0 => format!(
+            "the person stands {:.1} m behind the camera: R and t lead to OpenCV's axes, x right, y down, z forward",
+            -d
+        ),
+        d if d > FAR => {
+            format!("the person stands {d:.0} m from the camera: are t and root_t in metres?")
+        }
+        _ => "check masks, poses and camera".into(),
     }
 }

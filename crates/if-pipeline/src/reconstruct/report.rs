@@ -4,7 +4,7 @@ use super::error::ReconstructError;
 use super::quality::QualityReport;
 use super::skipped::Skipped;
 use crate::capture::Capture;
-use if_core::math::Real;
+use if_core::math::{Point, Real};
 use serde::{Deserialize, Serialize};
 
 /// Counts of the pixels of all masks in the last round.
@@ -98,8 +98,9 @@ impl SurfaceReport {
             .skipped
             .into_iter()
             .min_by_key(Skipped::frame)
-            .expect("a capture has frames, and all were skipped")
-            .numbered(capture);
-        ReconstructError::NothingSeen { frames: self.frames, first }
+            .expect("a capture has frames, and all were skipped");
+        let root = Point::from(capture.pose(first.frame()).root_translation);
+        let depth = capture.camera().to_camera(&root).z;
+        ReconstructError::NothingSeen { frames: self.frames, first: first.numbered(capture), depth }
     }
 }
