@@ -3,7 +3,7 @@
 
     benches/long_hair.py CAPTURE BODY OUT [--as skin|background] [--shared ../shared]
 
-Pixels of the back, from the head's joint down to 28 cm below it and up to 11 cm to either side, get the label of skin, as parsers without
+Pixels of the back, from 8 cm above the joint of the neck to 28 cm below it and up to 11 cm to either side, get the label of skin, as parsers without
 hair give it, or of the background, which does not vote. Needs numpy, pillow.
 """
 import argparse, json, os, shutil, sys

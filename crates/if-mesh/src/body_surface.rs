@@ -103,7 +103,11 @@ pub fn is_closed(mesh: &TriMesh, edges: &Edges) -> bool {
     if edges.balance(mesh).iter().any(|b| *b != 0) || mesh.signed_volume() <= least {
         return false;
     }
-    let part_of = parts(mesh);
+    is_one_part(mesh, &parts(mesh))
+}
+
+/// Whether all triangles are of one part; `part_of` is that of each vertex.
+fn is_one_part(mesh: &TriMesh, part_of: &[u32]) -> bool {
     let mut roots = mesh.triangles().iter().map(|t| part_of[t[0] as usize]);
     let first = roots.next();
     roots.all(|root| Some(root) == first)
@@ -134,12 +138,10 @@ pub fn turned_outwards(mesh: &TriMesh) -> Option<TriMesh> {
 /// without sheets, such as lashes; ascending. `None` if there are none, and for what has no inside.
 pub fn without_hidden_parts(mesh: &TriMesh) -> Option<Vec<u32>> {
     let part_of = parts(mesh);
-    let part = |t: &[u32; 3]| part_of[t[0] as usize] as usize;
-    let mut roots = mesh.triangles().iter().map(part);
-    let first = roots.next()?;
-    if roots.all(|root| root == first) {
+    if is_one_part(mesh, &part_of) {
         return None;
     }
+    let part = |t: &[u32; 3]| part_of[t[0] as usize] as usize;
     let surface = BodySurface::new(mesh, &Edges::new(mesh)).ok()??;
     let mut is_skin = vec![false; part_of.len()];
     for (t, skin) in mesh.triangles().iter().zip(&surface.skin_of) {

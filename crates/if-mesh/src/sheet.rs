@@ -10,7 +10,7 @@ use crate::orient::orient;
 use crate::validate::repeats;
 use if_core::closest::ClosestPoint;
 use if_core::edges::{Edges, NONE, parts_by_edges};
-use if_core::math::{Point, Real, area_vector, unit_or_zero};
+use if_core::math::{Point, Real, Vector, area_vector, unit_or_zero};
 use if_core::mesh::TriMesh;
 use rayon::prelude::*;
 use std::borrow::Cow;
@@ -43,11 +43,12 @@ impl<'a> Sheet<'a> {
             kept.iter().map(|t| mesh.triangles()[*t as usize]).collect();
         let is_part = kept.len() < mesh.triangles().len();
         let of_part = is_part.then(|| Edges::new(&with_triangles(mesh, triangles.clone())));
-        if orient(&mut triangles, of_part.as_ref().unwrap_or(edges)) == 0 && !is_part {
+        let turned = orient(&mut triangles, of_part.as_ref().unwrap_or(edges));
+        if turned == 0 && !is_part {
             return given();
         }
         let mesh = with_triangles(mesh, triangles);
-        let edges = Edges::new(&mesh);
+        let edges = of_part.filter(|_| turned == 0).unwrap_or_else(|| Edges::new(&mesh));
         Self { mesh: Cow::Owned(mesh), edges: Cow::Owned(edges), given: kept }
     }
 }
@@ -85,12 +86,14 @@ impl Sheet<'_> {
         volumes
     }
 
-    /// The area of triangle `t` as seen from the nearest point of `body`; negative if its front is.
-    fn away(&self, t: usize, body: &Bvh) -> Real {
+    /// The cosine between the normal of triangle `t` and the way there from the nearest point of `body`, and
+    /// twice its area.
+    fn away(&self, t: usize, body: &Bvh) -> (Real, Real) {
         let [a, b, c] = self.mesh.corners(t);
-        let middle = Point::from((a.coords + b.coords + c.coords) / 3.0);
-        let nearest = body.closest(&middle, Real::INFINITY);
-        nearest.map_or(0.0, |n| area_vector(a, b, c).dot(&unit_or_zero(&(middle - n.point))))
+        let (area, middle) = (area_vector(a, b, c), (a.coords + b.coords + c.coords) / 3.0);
+        let nearest = body.closest(&Point::from(middle), Real::INFINITY);
+        let way = nearest.map_or(Vector::zeros(), |n| unit_or_zero(&(middle - n.point.coords)));
+        (unit_or_zero(&area).dot(&way), area.norm())
     }
 
     /// For each triangle of cloth with thickness, which has no edge, whether it is of the side that faces away
@@ -104,10 +107,8 @@ impl Sheet<'_> {
             if has_edge[patch] {
                 return None;
             }
-            let [a, b, c] = self.mesh.corners(t);
-            let away = self.away(t, body);
-            (away.abs() > CERTAIN * area_vector(a, b, c).norm())
-                .then(|| away * outwards[patch] > 0.0)
+            let (away, _) = self.away(t, body);
+            (away.abs() > CERTAIN).then(|| away * outwards[patch] > 0.0)
         };
         let mut outer: Vec<Option<bool>> = (0..of.len()).into_par_iter().map(certain).collect();
         let mut next: VecDeque<u32> =
@@ -148,9 +149,9 @@ pub fn away_from(mesh: &TriMesh, body: &Bvh) -> Option<(Vec<[u32; 3]>, Vec<u32>)
     let mut outwards = sheet.volumes(&patches);
     let Patches { of, has_edge } = &patches;
     let on_open = |t: &usize| has_edge[of[*t] as usize];
-    let away: Vec<(usize, Real)> =
+    let away: Vec<(usize, (Real, Real))> =
         (0..of.len()).into_par_iter().filter(on_open).map(|t| (t, sheet.away(t, body))).collect();
-    away.into_iter().for_each(|(t, away)| outwards[of[t] as usize] += away);
+    away.into_iter().for_each(|(t, (away, area))| outwards[of[t] as usize] += away * area);
     let outer = sheet.outer(&patches, &outwards, body);
     let told = (0..of.len()).filter_map(|t| {
         let (patch, [a, b, c]) = (of[t] as usize, sheet.mesh.triangles()[t]);
@@ -168,7 +169,6 @@ pub fn away_from(mesh: &TriMesh, body: &Bvh) -> Option<(Vec<[u32; 3]>, Vec<u32>)
 #[cfg(test)]
 mod tests {
     use super::*;
-    use if_core::math::Vector;
     use if_core::shapes::meshes::{icosphere, tube};
 
     fn with(mesh: &TriMesh, turn: impl Fn(usize) -> bool) -> TriMesh {

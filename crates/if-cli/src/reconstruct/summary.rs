@@ -1,8 +1,7 @@
 //! What a reconstruction found, for people.
 
 use if_pipeline::reconstruct::{
-    FieldsReport, GarmentReport, MotionReport, PoseReport, ReconstructReport, Residual,
-    SurfaceReport,
+    FieldsReport, MotionReport, PoseReport, ReconstructReport, Residual, SurfaceReport,
 };
 
 /// A line for each stage.
@@ -103,16 +102,13 @@ pub(super) fn warnings(report: &ReconstructReport) -> Vec<String> {
             garment.name, garment.pieces
         )
     });
-    let is_closed = |garment: &&GarmentReport| {
-        garment.pieces == 1 && garment.least_openings.is_some_and(|least| garment.openings < least)
-    };
-    let closed = report.garments.iter().filter(is_closed).map(|garment| {
-        format!(
-            "warning: {} has {} openings, a garment of that name at least {}: too little was seen of its ends, or labels, poses or masks are wrong",
-            garment.name,
-            garment.openings,
-            garment.least_openings.unwrap_or_default()
-        )
+    let whole = report.garments.iter().filter(|g| g.pieces == 1);
+    let closed = whole.filter_map(|garment| {
+        let least = garment.least_openings.filter(|least| garment.openings < *least)?;
+        Some(format!(
+            "warning: {} has {} openings, a garment of that name at least {least}: too little was seen of its ends, or labels, poses or masks are wrong",
+            garment.name, garment.openings
+        ))
     });
     let shown = |name: &String| report.labels.shown.get(name).copied().unwrap_or_default();
     let cut = report.garments.iter().filter_map(|garment| {
@@ -313,7 +309,7 @@ pub(super) fn moved(motion: &MotionReport) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use if_pipeline::reconstruct::LabelShown;
+    use if_pipeline::reconstruct::{GarmentReport, LabelShown};
 
     /// A report of trousers that so many of four label images show, and cut at their edge.
     fn trousers(frames: usize, at_edge: usize) -> ReconstructReport {

@@ -130,6 +130,7 @@ impl ReconstructReport {
 impl GarmentReport {
     pub(super) fn of(garment: &Garment) -> Self {
         let clean = &garment.cleanup;
+        let class = LayerHint::of_name(&garment.name).class;
         Self {
             name: garment.name.clone(),
             vertices: garment.mesh.vertices().len(),
@@ -137,8 +138,8 @@ impl GarmentReport {
             area: garment.mesh.area(),
             unseen: garment.unseen,
             openings: clean.holes.openings.len(),
-            most_openings: LayerHint::of_name(&garment.name).class.most_openings(),
-            least_openings: LayerHint::of_name(&garment.name).class.least_openings(),
+            most_openings: class.most_openings(),
+            least_openings: class.least_openings(),
             filled: clean.holes.filled.len(),
             holes_left: clean.holes.left.len(),
             dropped: clean.components.dropped.len(),
