@@ -233,7 +233,7 @@ pub(crate) fn run(args: &ExtractArgs) -> Result<End, Report> {
     drop(line);
     let warnings = found.report.warnings.iter().map(ToString::to_string);
     let broken_off = broken_off(looks.0.as_ref(), &looks.1);
-    let notes: Vec<String> = source.note().into_iter().chain(warnings).chain(broken_off).collect();
+    let notes: Vec<String> = source.notes().into_iter().chain(warnings).chain(broken_off).collect();
     if args.json {
         let (before, after) = looks;
         // Paths need not be UTF-8, as JSON must.
@@ -245,7 +245,9 @@ pub(crate) fn run(args: &ExtractArgs) -> Result<End, Report> {
     } else {
         print(&told(&files, &looks, apart.as_ref(), &found, &notes))?;
     }
-    Ok(End::Clean)
+    let is_inaccurate =
+        found.report.warnings.iter().any(|w| matches!(w, Warning::Inaccurate { .. }));
+    Ok(if is_inaccurate { End::NotClean } else { End::Clean })
 }
 
 fn cancelled(args: &ExtractArgs, line: Line) -> End {
@@ -305,10 +307,10 @@ impl Source {
     }
 
     /// What a person should know about it.
-    fn note(&self) -> Option<String> {
+    fn notes(&self) -> Vec<String> {
         match self {
-            Self::Mesh { field, .. } => not_kept::inner_parts(field),
-            Self::Network(_) => None,
+            Self::Mesh { field, .. } => not_kept::assumed(field),
+            Self::Network(_) => Vec::new(),
         }
     }
 
@@ -370,7 +372,8 @@ fn as_written(
     if written != found.mesh {
         found.mesh = written;
         let report = &mut found.report;
-        report.error = error_of(field, &found.mesh, report.error.checked);
+        let checked = args.accuracy.map_or(report.error.checked, |_| usize::MAX);
+        report.error = error_of(field, &found.mesh, checked);
         let is_told = report.warnings.iter().any(|w| matches!(w, Warning::Inaccurate { .. }));
         if let Some(requested) = args.accuracy.filter(|a| !is_told && report.error.worst() > *a) {
             report.warnings.push(Warning::Inaccurate {

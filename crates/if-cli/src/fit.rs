@@ -369,11 +369,11 @@ fn say(
     seconds: f64,
 ) -> Result<End, Report> {
     let out = args.out.display().to_string();
-    let inner_parts = match taken {
-        MeshTarget::Field(field) => not_kept::inner_parts(field),
-        MeshTarget::Points(_) => None,
+    let assumed = match taken {
+        MeshTarget::Field(field) => not_kept::assumed(field),
+        MeshTarget::Points(_) => Vec::new(),
     };
-    let notes: Vec<String> = doubts.into_iter().chain(inner_parts).collect();
+    let notes: Vec<String> = doubts.into_iter().chain(assumed).collect();
     if args.json {
         print_json(
             &json!({"out": out, "state": report.ended, "report": report, "notes": notes, "seconds": seconds}),

@@ -37,13 +37,20 @@ pub(crate) fn not_kept(ply: &PlyMesh) -> Vec<String> {
     notes
 }
 
-/// A note on parts that the field of a mesh leaves out.
-pub(crate) fn inner_parts(field: &MeshSdf) -> Option<String> {
-    match field.inner_parts() {
+/// Notes on what the field of a mesh leaves out, and what it takes for its inside.
+pub(crate) fn assumed(field: &MeshSdf) -> Vec<String> {
+    let left_out = match field.inner_parts() {
         0 => None,
         1 => Some("a part that lies inside another one was left out".into()),
         n => Some(format!("{n} parts that lie inside others were left out")),
-    }
+    };
+    let united = match field.own_pairs() {
+        0 => None,
+        n => Some(format!(
+            "the mesh intersects itself in {n} pairs of triangles: what any of its parts encloses is inside"
+        )),
+    };
+    left_out.into_iter().chain(united).collect()
 }
 
 #[cfg(test)]

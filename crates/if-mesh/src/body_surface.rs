@@ -220,17 +220,29 @@ impl BodySurface {
         self.skin_of[t as usize].map(|t| self.closed.corners(t as usize))
     }
 
+    /// The nearest point of the skin to `p` within `reach`, whether `p` is inside of what any part encloses, caps
+    /// left out, and whether it lies on the back of the triangle there.
+    pub(crate) fn nearest(&self, p: &Point, reach: Real) -> Option<(Closest, bool, bool)> {
+        let near = closest(&self.skin, p, reach)?;
+        let behind = self.normals.side(p, &near) < 0.0;
+        let inside = match self.unsure_at(&near) {
+            Some(_) => self.contains(p),
+            None => behind && !self.normals.is_boundary(&near),
+        };
+        Some((near, inside, behind))
+    }
+
+    /// The union, if pseudo-normals may err at this point of the skin.
+    fn unsure_at(&self, near: &Closest) -> Option<&SelfIntersecting> {
+        let union = self.union.as_ref()?;
+        let is_unsure = union.unsure[near.triangle as usize] || self.normals.is_boundary(near);
+        is_unsure.then_some(union)
+    }
+
     /// The side of `p`, if skin is within `reach`.
     pub(crate) fn side(&self, p: &Point, reach: Real) -> Option<BodySide> {
         let reach = if self.has_islands() { reach.max(self.island_depth) } else { reach };
-        let near = closest(&self.skin, p, reach)?;
-        let behind = self.normals.side(p, &near) < 0.0;
-        let at_rim = self.normals.is_boundary(&near);
-        let unsure = self.union.as_ref().filter(|u| at_rim || u.unsure[near.triangle as usize]);
-        let inside = match unsure {
-            Some(_) => self.contains(p),
-            None => behind && !at_rim,
-        };
+        let (near, inside, behind) = self.nearest(p, reach)?;
         let is_island = near.triangle as usize >= self.islands_from;
         let is_open = || match is_island {
             true => near.distance > self.island_depth,
@@ -239,7 +251,7 @@ impl BodySurface {
         if !inside || is_open() {
             return Some(BodySide { near, inside: false, behind });
         }
-        let out = match unsure {
+        let out = match self.unsure_at(&near) {
             // Inside one part the nearest skin may be that of another part, and lead nowhere.
             Some(union) if !behind || self.is_covered(&near) => {
                 closest(&union.sure, p, Real::INFINITY).unwrap_or(near)

@@ -31,6 +31,7 @@ mod image_edges;
 mod laplacian;
 mod origin;
 mod scores;
+mod sides;
 mod smooth;
 mod voter;
 mod votes;

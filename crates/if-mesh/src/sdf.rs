@@ -1,7 +1,9 @@
 //! Signed distance of a mesh: the distance to the nearest triangle, with the sign of its
 //! pseudo-normal.
 
+use crate::body_surface::BodySurface;
 use crate::index::Bvh;
+use crate::intersections::own_pairs;
 use crate::inverted::{InvertedPart, inverted_part, without_inner_parts};
 use crate::pseudo_normals::PseudoNormals;
 use crate::seams::weld;
@@ -105,12 +107,16 @@ pub struct MeshSdf {
     reach: Real,
     touching: Real,
     inner_parts: usize,
+    /// Of a mesh that intersects itself.
+    union: Option<Box<BodySurface>>,
 }
 
 impl MeshSdf {
     /// [`Self::closed`] of a mesh that is closed, or closed once its seams are welded ([`weld`]): as exporters
     /// write bodies, with vertices of their own on both sides of a seam. Parts that lie inside of others,
-    /// such as eyes in a head, are left out ([`Self::inner_parts`]): they would make cavities of it.
+    /// such as eyes in a head, are left out ([`Self::inner_parts`]): they would make cavities of it. Of one that
+    /// intersects itself ([`Self::own_pairs`]) what any of its parts encloses is inside. There distances are to
+    /// triangles that lie inside in part, too, and so may be too small, never too large.
     ///
     /// # Errors
     ///
@@ -131,13 +137,24 @@ impl MeshSdf {
         })
     }
 
-    /// [`Self::closed`] without the parts that lie inside of others.
+    /// [`Self::closed`] without the parts that lie inside of others, and with the union of what intersects itself.
     fn solid(mesh: &TriMesh) -> Result<Self, SdfError> {
         let edges = checked(mesh)?;
         match without_inner_parts(mesh) {
-            Some((outer, inner_parts)) => Ok(Self { inner_parts, ..Self::closed(&outer)? }),
-            None => Ok(Self::with(mesh, edges, None, Real::INFINITY)),
+            Some((outer, inner_parts)) => {
+                Ok(Self { inner_parts, ..Self::closed(&outer)?.united(&outer) })
+            }
+            None => Ok(Self::with(mesh, edges, None, Real::INFINITY).united(mesh)),
         }
+    }
+
+    /// The field of the union, if `mesh`, whose field this is, intersects itself.
+    fn united(self, mesh: &TriMesh) -> Self {
+        if own_pairs(mesh, &self.surface).is_empty() {
+            return self;
+        }
+        let union = BodySurface::new(mesh, &Edges::new(mesh)).ok().flatten();
+        Self { union: union.map(Box::new), ..self }
     }
 
     /// The field of a closed mesh that faces outwards, everywhere.
@@ -184,6 +201,7 @@ impl MeshSdf {
             reach,
             touching,
             inner_parts: 0,
+            union: None,
         }
     }
 
@@ -195,15 +213,25 @@ impl MeshSdf {
     /// The same, and `None` also if the surface is farther than `limit` metres: a smaller limit is
     /// faster.
     pub fn signed_within(&self, p: &Point, limit: Real) -> Option<FieldSample> {
-        let c = self.surface.closest(p, limit.min(self.reach))?;
-        if self.is_sideless(&c) {
-            return None;
-        }
-        let side = if self.normals.side(p, &c) < 0.0 { -1.0 } else { 1.0 };
+        let reach = limit.min(self.reach);
+        let (c, inside, normals) = match &self.union {
+            Some(union) => {
+                let (near, inside, _) = union.nearest(p, reach)?;
+                (near, inside, union.normals())
+            }
+            None => {
+                let near = self.surface.closest(p, reach)?;
+                if self.is_sideless(&near) {
+                    return None;
+                }
+                (near, self.normals.side(p, &near) < 0.0, &self.normals)
+            }
+        };
+        let side = if inside { -1.0 } else { 1.0 };
         let gradient = if c.distance > self.touching {
             (p - c.point) * (side / c.distance)
         } else {
-            unit_or_zero(&self.normals.at(&c))
+            unit_or_zero(&normals.at(&c))
         };
         Some(FieldSample { distance: side * c.distance, gradient })
     }
@@ -222,6 +250,11 @@ impl MeshSdf {
     /// Number of parts that were left out because they lie inside of others ([`Self::sewn`]).
     pub fn inner_parts(&self) -> usize {
         self.inner_parts
+    }
+
+    /// Number of pairs of triangles by which the mesh intersects itself ([`Self::sewn`]).
+    pub fn own_pairs(&self) -> usize {
+        self.union.as_ref().map_or(0, |union| union.report().own_pairs)
     }
 
     /// The surface itself.
@@ -338,6 +371,40 @@ mod tests {
                 assert!(on.gradient.dot(&n) > 0.3);
             }
         }
+    }
+
+    #[test]
+    fn what_any_of_two_overlapping_parts_encloses_is_inside() {
+        let ball = meshes::icosphere(0.3, 3);
+        let n = ball.vertices().len() as u32;
+        let beside = ball.vertices().iter().map(|p| p + Vector::x() * 0.35);
+        let vertices = ball.vertices().iter().copied().chain(beside).collect();
+        let others = ball.triangles().iter().map(|t| t.map(|v| v + n));
+        let both = TriMesh::new(vertices, ball.triangles().iter().copied().chain(others).collect());
+        let field = MeshSdf::sewn(&both.unwrap()).unwrap();
+        assert!(field.own_pairs() > 40, "{}", field.own_pairs());
+        let one = MeshSdf::closed(&ball).unwrap();
+        assert_eq!(MeshSdf::sewn(&ball).unwrap().own_pairs(), 0);
+        let points = points(3000, 0.8);
+        // The surface of the union, at the vertices of each ball that the other one does not enclose.
+        let right = ball.vertices().iter().map(|p| p + Vector::x() * 0.35);
+        let left =
+            ball.vertices().iter().filter(|p| one.distance(&(*p - Vector::x() * 0.35)) > 0.0);
+        let right = right.filter(|p| one.distance(p) > 0.0);
+        let surface: Vec<Point> = left.copied().chain(right).collect();
+        for p in &points {
+            let truth = one.distance(p).min(one.distance(&(p - Vector::x() * 0.35)));
+            let found = field.distance(p);
+            if truth > 0.0 {
+                assert!((found - truth).abs() < 1e-12, "exact outside: {found} {truth}");
+            } else {
+                let nearest =
+                    surface.iter().map(|q| (p - q).norm()).fold(Real::INFINITY, Real::min);
+                assert!(found <= 0.0 && -found <= nearest + 1e-12, "{p}: {found} {nearest}");
+            }
+        }
+        let tolerances = FieldTolerances { kinks: 0.2, ..FieldTolerances::default() };
+        check_signed_distance(&field, &points, &tolerances).unwrap();
     }
 
     #[test]

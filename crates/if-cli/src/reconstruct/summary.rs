@@ -1,7 +1,8 @@
 //! What a reconstruction found, for people.
 
 use if_pipeline::reconstruct::{
-    FieldsReport, MotionReport, PoseReport, ReconstructReport, Residual, SurfaceReport,
+    FieldsReport, LabelContradiction, MotionReport, PoseReport, ReconstructReport, Residual,
+    SurfaceReport,
 };
 
 /// A line for each stage.
@@ -51,11 +52,8 @@ pub(super) fn summary(name: &str, report: &ReconstructReport, seconds: f64) -> S
             phi.mean_mm, phi.p99_mm
         );
     }
-    for wrong in &report.labels.contradictions {
-        text += &format!(
-            "  frame {} labels most of {} as {}: there the other frames decide\n",
-            wrong.frame, wrong.others, wrong.label
-        );
+    for wrong in contradictions(&report.labels.contradictions) {
+        text += &format!("  {wrong}: there the other frames decide\n");
     }
     for garment in &report.garments {
         text += &format!(
@@ -77,6 +75,28 @@ pub(super) fn summary(name: &str, report: &ReconstructReport, seconds: f64) -> S
         );
     }
     text
+}
+
+/// Which frames take one label for another, those that follow one another as one.
+fn contradictions(all: &[LabelContradiction]) -> Vec<String> {
+    let mut runs: Vec<(&LabelContradiction, u32)> = Vec::new();
+    for next in all {
+        let follows = |(first, last): &&mut (&LabelContradiction, u32)| {
+            (&first.label, &first.others) == (&next.label, &next.others) && *last + 1 == next.frame
+        };
+        match runs.iter_mut().find(follows) {
+            Some((_, last)) => *last = next.frame,
+            None => runs.push((next, next.frame)),
+        }
+    }
+    let told = |(first, last): (&LabelContradiction, u32)| {
+        let (from, label, others) = (first.frame, &first.label, &first.others);
+        match last == from {
+            true => format!("frame {from} labels most of {others} as {label}"),
+            false => format!("frames {from}-{last} label most of {others} as {label}"),
+        }
+    };
+    runs.into_iter().map(told).collect()
 }
 
 /// What may be wrong: each fails `--strict`.
@@ -329,6 +349,25 @@ mod tests {
         let found = warnings(&trousers(4, 4));
         let [cut] = &found[..] else { panic!("{found:?}") };
         assert!(cut.contains("cuts trousers in 4 of 4 label images"), "{cut}");
+    }
+
+    #[test]
+    fn frames_that_follow_one_another_are_told_as_one() {
+        let of = |frame, others: &str| {
+            let mut wrong = LabelContradiction::default();
+            (wrong.frame, wrong.label, wrong.others) = (frame, "tshirt".into(), others.into());
+            wrong
+        };
+        let all =
+            [of(2, "skin"), of(8, "jacket"), of(9, "jacket"), of(9, "skin"), of(10, "jacket")];
+        assert_eq!(
+            contradictions(&all),
+            [
+                "frame 2 labels most of skin as tshirt",
+                "frames 8-10 label most of jacket as tshirt",
+                "frame 9 labels most of skin as tshirt"
+            ]
+        );
     }
 
     #[test]

@@ -168,7 +168,7 @@ impl fmt::Display for Warning {
             Self::LeavesRegion { edges } => {
                 write!(
                     f,
-                    "the surface leaves the region through {edges} edges of the lattice; enlarge the region to close it"
+                    "the surface leaves the region of the lattice through {edges} of its edges, and is open there"
                 )
             }
             Self::Empty { inside } => {
@@ -191,7 +191,7 @@ impl fmt::Display for Warning {
             }
             Self::Slope { given, used, cells } => write!(
                 f,
-                "the field is steeper than {given}, so {used:.3} was used and {cells} cells were restored; give a larger slope"
+                "the field is steeper than {given:.3}: {used:.3} was taken instead, and {cells} cells were added again"
             ),
             Self::Inaccurate { requested, reached, cell } => write!(
                 f,

@@ -13,12 +13,12 @@ use rayon::prelude::*;
 use std::borrow::Cow;
 
 /// Least sum of the other frames' votes for a label, and so at least two frames, to contradict one.
-const SURE: Real = 1.0;
+pub(super) const SURE: Real = 1.0;
 /// A frame calls one label another if it does so with more than this share of what it sees of it.
-const MOST: Real = 0.5;
+pub(super) const MOST: Real = 0.5;
 /// And if at least this share of its votes for the other label are of that: what is so little seen may
 /// lie on the border of two labels, which frames do not know well.
-const LEAST: Real = 0.05;
+pub(super) const LEAST: Real = 0.05;
 
 /// The votes of one frame: vertex, label and vote, the labels of a vertex one after the other.
 #[derive(Debug, Default)]

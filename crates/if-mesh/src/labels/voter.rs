@@ -23,6 +23,7 @@ mod tests;
 use super::contradictions::{Contradiction, FrameVotes, withdraw_contradicted};
 use super::error::LabelError;
 use super::image_edges::image_edges;
+use super::sides::withdraw_minorities;
 use super::votes::{LabelVotes, UNDECIDED};
 use crate::camera::Camera;
 use crate::raster::{IdBuffer, NOTHING, RasterParams, Rasteriser};
@@ -392,16 +393,26 @@ impl<'a> Voter<'a> {
     /// The sum of all votes that the other frames do not contradict, and the report.
     pub fn finish(mut self) -> (LabelVotes, VoteReport) {
         let labels = self.labels;
-        let found = withdraw_contradicted(&mut self.frames, &self.votes, labels);
+        let mut found = withdraw_minorities(&mut self.frames, self.total.len(), labels);
         if !found.is_empty() {
-            // Anew, because sums of which something was subtracted are rounded.
-            self.votes.fill(0.0);
-            for (v, label, vote) in self.frames.iter().flat_map(|own| &own.votes) {
-                self.votes[*v as usize * labels + usize::from(*label)] += Real::from(*vote);
-            }
+            self.sum_anew();
         }
+        let more = withdraw_contradicted(&mut self.frames, &self.votes, labels);
+        if !more.is_empty() {
+            self.sum_anew();
+        }
+        found.extend(more);
+        found.sort_unstable_by_key(|c| (c.frame, c.others, c.label));
         self.report.contradictions = found;
         (LabelVotes { labels, weights: self.votes }, self.report)
+    }
+
+    /// Sums the votes of all frames anew: sums that something was subtracted from are rounded.
+    fn sum_anew(&mut self) {
+        self.votes.fill(0.0);
+        for (v, label, vote) in self.frames.iter().flat_map(|own| &own.votes) {
+            self.votes[*v as usize * self.labels + usize::from(*label)] += Real::from(*vote);
+        }
     }
 }
 

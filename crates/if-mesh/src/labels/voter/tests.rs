@@ -6,6 +6,7 @@ use if_core::shapes::meshes::tube;
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 use std::f64::consts::TAU;
+use std::ops::Range;
 
 const LABELS: usize = 3;
 /// Where label 1 ends and label 2 begins on the tube.
@@ -115,6 +116,46 @@ fn neighbours_that_are_wrong_alike_do_not_silence_the_frames_beside_them() {
     assert_eq!(report.contradictions, [5, 6].map(of));
     let (false_labels, none) = wrong(&mesh, |v| votes.winner(v));
     assert!(false_labels <= 48 && none < 100, "{false_labels} {none}");
+}
+
+/// Votes of 24 frames of a full turn; in those of `run` the second label of each of `names` takes the place of the
+/// first.
+fn run(mesh: &TriMesh, run: Range<usize>, names: &[[u8; 2]]) -> (LabelVotes, VoteReport) {
+    let mut voter = Voter::new(mesh, LABELS, &VoteParams::default()).unwrap();
+    for k in 0..24 {
+        let camera = camera(k as Real / 24.0);
+        let mut image = labels(&camera);
+        for label in image.iter_mut().filter(|_| run.contains(&k)) {
+            *label = names.iter().find(|[from, _]| from == label).map_or(*label, |[_, to]| *to);
+        }
+        voter.add(mesh.vertices(), &camera, &image).unwrap();
+    }
+    voter.finish()
+}
+
+#[test]
+fn a_run_of_frames_that_are_wrong_alike_decides_nothing_though_it_looks_alone() {
+    let mesh = cylinder();
+    let (right, _) = run(&mesh, 0..0, &[]);
+    for (names, length) in
+        [(&[[1, 2]][..], 9), (&[[2, 1]], 9), (&[[1, 2], [2, 1]], 9), (&[[1, 2]], 11)]
+    {
+        let frames = 8..8 + length;
+        let (votes, report) = run(&mesh, frames.clone(), names);
+        let of = |[others, label]: [u8; 2]| {
+            frames.clone().map(move |frame| Contradiction { frame, label, others })
+        };
+        let mut expected: Vec<_> = names.iter().copied().flat_map(of).collect();
+        expected.sort_by_key(|c| c.frame);
+        assert_eq!(report.contradictions, expected);
+        let scores =
+            smooth_labels(&mesh, &votes, &SmoothLabelParams::default(), &mut Silent).unwrap();
+        let winners = scores.winners();
+        let (false_labels, none) = wrong(&mesh, |v| winners[v]);
+        assert!(false_labels <= 100 && none == 0, "{names:?}: {false_labels} {none}");
+        let sum = |votes: &LabelVotes| votes.weights.iter().sum::<Real>();
+        approx::assert_relative_eq!(sum(&votes), sum(&right), max_relative = 0.01);
+    }
 }
 
 /// Vertices with a wrong label, and those without one.
