@@ -46,6 +46,23 @@ impl Neighbours {
         distance
     }
 
+    /// The vertices within `limit` metres of `sources` along edges, in ascending order, with their distances. `infinite`
+    /// has an infinite number for each vertex, before and after: what is far away costs nothing.
+    pub fn within(
+        &self,
+        sources: impl IntoIterator<Item = u32>,
+        limit: Real,
+        infinite: &mut [Real],
+    ) -> Vec<(u32, Real)> {
+        let sources: Vec<u32> = sources.into_iter().collect();
+        let mut reached = sources.clone();
+        self.spread(sources, limit, infinite, |_, v| reached.push(v));
+        reached.sort_unstable();
+        reached.dedup();
+        let take = |v: u32| (v, std::mem::replace(&mut infinite[v as usize], Real::INFINITY));
+        reached.into_iter().map(take).collect()
+    }
+
     /// For every vertex the source that is nearest along edges, and how far it is, in metres: infinite
     /// where that is farther than `limit`.
     pub fn nearest(&self, sources: impl IntoIterator<Item = u32>, limit: Real) -> Vec<(Real, u32)> {
@@ -168,6 +185,15 @@ mod tests {
         assert_eq!(sources, [0, 0, 0, 5, 5, 5]);
         assert_eq!(near.nearest([0], 1.0)[4], (Real::INFINITY, 4));
         assert!(near.distances([], 10.0).iter().all(|d| d.is_infinite()));
+        let mut infinite = [Real::INFINITY; 6];
+        for (sources, limit) in
+            [(vec![0], 1.9), (vec![5, 0], 0.5), (vec![3, 3], 9.0), (vec![], 1.0)]
+        {
+            let all = near.distances(sources.iter().copied(), limit);
+            let far = (0..).zip(all).filter(|(_, d)| d.is_finite());
+            assert_eq!(near.within(sources, limit, &mut infinite), far.collect::<Vec<_>>());
+            assert!(infinite.iter().all(|d| d.is_infinite()));
+        }
         assert_eq!((near.middle_of_path(0, 4), near.middle_of_path(3, 3)), (Some(2), Some(3)));
         let apart = Neighbours::new(&Edges::new(&mesh), &[x, vec![Point::origin()]].concat());
         assert_eq!(apart.middle_of_path(0, 6), None);

@@ -27,7 +27,7 @@ use crate::findings::new_pairs;
 use crate::outfit::Layer;
 use crate::params::ResolveParams;
 use contours::{Contour, Way};
-use if_core::edges::Edges;
+use if_core::edges::{Edges, VertexTriangles};
 use if_core::geodesic::Neighbours;
 use if_core::math::{Point, Real};
 use if_core::mesh::TriMesh;
@@ -43,7 +43,7 @@ use std::collections::BTreeSet;
 const REACHES: [Real; 3] = [1.0, 2.0, 3.0];
 /// Maximum number of ways that are tried for a group of contours, beside one for each contour.
 const TRIES: usize = 12;
-/// Maximum work for a garment, in rounds times free vertices: bounds the time for garments that are
+/// Maximum work for a garment, in rounds times free vertices, and pairs held apart where these are far more: bounds the time for garments that are
 /// tangled all over, a second or two. The garments of the test data take less than half of it.
 const WORK: usize = 300_000;
 /// Maximum vertices of a garment times groups of contours that are tried: bounds the time for those with very
@@ -80,6 +80,7 @@ pub(crate) fn untangle(
     let rest = &garment.mesh;
     let edges = Edges::new(rest);
     let neighbours = Neighbours::new(&edges, rest.vertices());
+    let mut surroundings = Surroundings::new(rest, &neighbours);
     let mut mesh = rest.with_vertices(start.to_vec()).expect("positions of a mesh");
     let (mut tree, fans) = (Bvh::new(&mesh), Fans::new(&mesh));
     let mut found = own_pairs_with(&mesh, &tree, &fans);
@@ -90,12 +91,13 @@ pub(crate) fn untangle(
             break;
         }
         let contours = Contour::all(&mesh, &edges, &pairs);
-        for sources in groups(&mesh, &contours, &neighbours, reach) {
+        for sources in groups(&mesh, &contours, &mut surroundings, reach) {
             report(pairs.len())?;
             let Some(rest) = visits.checked_sub(mesh.vertices().len()) else { break };
             visits = rest;
-            let near = (&neighbours, &tree);
-            let patch = Patch::new(garment, mesh.vertices(), &sources, reach, near, params);
+            let near = surroundings.of(sources.iter().copied(), reach);
+            let near = (&near[..], &surroundings.triangles, &tree);
+            let patch = Patch::new(garment, mesh.vertices(), reach, near, params);
             let start = patch.positions(mesh.vertices());
             let poll = &mut || report(pairs.len());
             // One group that does not come apart leaves work for the others.
@@ -117,8 +119,9 @@ pub(crate) fn untangle(
             let is_better = left.len() < pairs.len() && new_pairs(&left, &pairs).is_empty();
             if is_better && accepted(next.vertices()) {
                 (mesh, pairs, found) = (next, left, found_next);
+            } else {
+                tree.refit(mesh.vertices());
             }
-            tree.refit(mesh.vertices());
         }
     }
     tracing::debug!(garment = garment.name, given, left = pairs.len(), rounds, work, "untangled");
@@ -126,11 +129,31 @@ pub(crate) fn untangle(
     Ok((pairs.len() < given).then_some(Untangled { positions, pairs, rounds }))
 }
 
+/// What lies round vertices of a garment, found without a look at all the others.
+struct Surroundings<'a> {
+    neighbours: &'a Neighbours,
+    triangles: VertexTriangles,
+    /// For [`Neighbours::within`].
+    infinite: Vec<Real>,
+}
+
+impl<'a> Surroundings<'a> {
+    fn new(mesh: &TriMesh, neighbours: &'a Neighbours) -> Self {
+        let infinite = vec![Real::INFINITY; mesh.vertices().len()];
+        Self { neighbours, triangles: VertexTriangles::new(mesh), infinite }
+    }
+
+    /// The vertices within `reach` metres of `sources` along edges, ascending, and how far they are.
+    fn of(&mut self, sources: impl IntoIterator<Item = u32>, reach: Real) -> Vec<(u32, Real)> {
+        self.neighbours.within(sources, reach, &mut self.infinite)
+    }
+}
+
 /// The vertices of contours whose neighbourhoods overlap, group by group.
 fn groups(
     mesh: &TriMesh,
     contours: &[Contour],
-    neighbours: &Neighbours,
+    surroundings: &mut Surroundings<'_>,
     reach: Real,
 ) -> Vec<BTreeSet<u32>> {
     // For each vertex the first contour near it; for each contour one that its group has, which leads on
@@ -144,16 +167,19 @@ fn groups(
         if (contour.cut_off.len() as Real) < CUT_OFF * mesh.vertices().len() as Real {
             sources.extend(&contour.cut_off);
         }
-        let far = neighbours.distances(sources.iter().copied(), reach);
-        for (first, _) in first_near.iter_mut().zip(&far).filter(|(_, far)| far.is_finite()) {
-            let mut group = *first.get_or_insert(k);
+        for (v, _) in surroundings.of(sources.iter().copied(), reach) {
+            let mut group = *first_near[v as usize].get_or_insert(k);
             while last[group] != group {
                 last[group] = last[last[group]];
                 group = last[group];
             }
             if group != k {
                 last[group] = k;
-                sources.append(&mut groups[group]);
+                let mut other = std::mem::take(&mut groups[group]);
+                if other.len() > sources.len() {
+                    std::mem::swap(&mut other, &mut sources);
+                }
+                sources.extend(other);
             }
         }
         groups[k] = sources;
@@ -179,13 +205,13 @@ fn best_way(
     if *work == 0 {
         return Ok(patch.as_given(start));
     }
-    let mut best = patch.separate(start, &ways(&chosen), poll)?;
+    let mut best = patch.separate(start, &ways(&chosen), *work, poll)?;
     let mut rounds = best.rounds;
-    let mut pay = |rounds: usize| {
-        *work = work.saturating_sub(rounds * patch.free_count());
+    let pay = |work: &mut usize, outcome: &Outcome| {
+        *work = work.saturating_sub(outcome.rounds * patch.free_count() + outcome.excess);
         *work > 0
     };
-    let mut may_go_on = pay(rounds);
+    let mut may_go_on = pay(work, &best);
     for _ in 0..TRIES + all.len() {
         let left = patch.remaining(&best.pairs);
         let open = (0..all.len()).filter(|k| left[*k] > 0 && next[*k] < all[*k].len());
@@ -199,9 +225,9 @@ fn best_way(
         let mut other = chosen.clone();
         other[k] = next[k];
         next[k] += 1;
-        let outcome = patch.separate(start, &ways(&other), poll)?;
+        let outcome = patch.separate(start, &ways(&other), *work, poll)?;
         rounds += outcome.rounds;
-        may_go_on = pay(outcome.rounds);
+        may_go_on = pay(work, &outcome);
         if outcome.rank() < best.rank() {
             (best, chosen) = (outcome, other);
         }
@@ -326,8 +352,11 @@ mod tests {
         let sources: BTreeSet<u32> =
             pairs_of(mesh).iter().flatten().flat_map(|t| mesh.triangles()[*t as usize]).collect();
         let (start, params) = (mesh.vertices(), ResolveParams::default());
-        let neighbours = Neighbours::new(&edges, start);
-        let patch = Patch::new(&layer, start, &sources, 0.05, (&neighbours, &tree), &params);
+        let near = Neighbours::new(&edges, start);
+        let mut around = Surroundings::new(mesh, &near);
+        let near = around.of(sources, 0.05);
+        let near = (&near[..], &around.triangles, &tree);
+        let patch = Patch::new(&layer, start, 0.05, near, &params);
         let mut work = WORK;
         let apart = best_way(&patch, &patch.positions(start), &mut work, &mut || Ok(())).unwrap();
         assert!(!apart.pairs.is_empty(), "no way takes it apart");
@@ -348,10 +377,13 @@ mod tests {
             Layer::new("scraps", TriMesh::new(vertices, vec![[0, 1, 2], [3, 4, 5]]).unwrap());
         let mesh = &layer.mesh;
         let (edges, tree) = (Edges::new(mesh), Bvh::new(mesh));
-        let sources: BTreeSet<u32> = (0..6).collect();
+        let sources = 0..6;
         let (start, params) = (mesh.vertices(), ResolveParams::default());
-        let neighbours = Neighbours::new(&edges, start);
-        let patch = Patch::new(&layer, start, &sources, 0.05, (&neighbours, &tree), &params);
+        let near = Neighbours::new(&edges, start);
+        let mut around = Surroundings::new(mesh, &near);
+        let near = around.of(sources, 0.05);
+        let near = (&near[..], &around.triangles, &tree);
+        let patch = Patch::new(&layer, start, 0.05, near, &params);
         let given = patch.as_given(&patch.positions(start));
         assert!(!given.pairs.is_empty());
         let found = patch.smoothed(given, &mut || Ok(())).unwrap();
@@ -376,6 +408,24 @@ mod tests {
         let found = untangle(&layer, start, &params, &mut refused, &mut |_| Ok(()));
         assert!(found.unwrap().is_none() && asked > 0);
         assert!(untangled(&layer).pairs.is_empty());
+    }
+
+    #[test]
+    fn what_is_tangled_all_over_is_given_up_soon() {
+        // A ball with its vertices in any order: each triangle meets a hundred others.
+        let ball = if_core::shapes::meshes::icosphere(0.1, 2);
+        let n = ball.vertices().len();
+        let mixed = (0..n).map(|v| ball.vertices()[v * 61 % n]).collect();
+        let layer = Layer::new("soup", ball.with_vertices(mixed).unwrap());
+        assert!(pairs_of(&layer.mesh).len() > 10_000, "{}", pairs_of(&layer.mesh).len());
+        let (params, mut reports) = (ResolveParams::default(), 0);
+        let mut count = |_: usize| {
+            reports += 1;
+            Ok(())
+        };
+        let start = layer.mesh.vertices();
+        untangle(&layer, start, &params, &mut |_| true, &mut count).unwrap();
+        assert!(reports < 60, "{reports} rounds");
     }
 
     #[test]

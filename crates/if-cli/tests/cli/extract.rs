@@ -1,8 +1,9 @@
 //! `ifg extract`: a closed mesh or a network becomes a mesh with the same surface.
 
-use crate::folder::{Folder, moved};
+use crate::folder::{Folder, moved, ply as text_of};
 use if_core::field::SignedDistance;
 use if_core::math::Vector;
+use if_core::mesh::TriMesh;
 use if_core::shapes::meshes::icosphere;
 use if_mesh::file::MeshFile;
 use if_mesh::index::Bvh;
@@ -41,6 +42,30 @@ fn an_accuracy_is_reached_and_reported_as_json() {
     assert!(json["distance"]["hausdorff_mm"].as_f64().unwrap() < 10.0);
     assert_eq!(json["files"].as_array().unwrap().len(), 1);
     assert!(!folder.path("fine.after.png").exists());
+    // One that is not reached is written, and told by the exit code, too.
+    let line = "extract body.ply --out coarse.ply --accuracy 0.01mm --finest 20mm --no-pictures";
+    let run = folder.ifg(line).expect(1);
+    assert!(run.stdout.contains("requested is 0.0100 mm"), "{}", run.stdout);
+    assert!(folder.path("coarse.ply").exists());
+}
+
+#[test]
+fn a_mesh_that_intersects_itself_becomes_the_surface_of_what_it_encloses() {
+    let folder = Folder::new();
+    let ball = icosphere(0.1, 3);
+    let n = ball.vertices().len() as u32;
+    let beside = ball.vertices().iter().map(|p| p + Vector::x() * 0.12);
+    let vertices = ball.vertices().iter().copied().chain(beside).collect();
+    let triangles = ball.triangles().iter().flat_map(|t| [*t, t.map(|v| v + n)]).collect();
+    folder.write("both.ply", text_of(&TriMesh::new(vertices, triangles).unwrap()));
+    let run = folder.ifg("extract both.ply --out one.ply --cell 6mm --no-pictures").expect(0);
+    assert!(run.stdout.contains("what any of its parts encloses is inside"), "{}", run.stdout);
+    let one = MeshFile::read(&folder.path("one.ply")).unwrap().mesh().clone();
+    assert!(if_mesh::validate::is_valid(&one));
+    // Two balls but for the lens of two caps of h = r - d / 2: V = π h² (3 r - h) / 3 each.
+    let ball = 4.0 / 3.0 * std::f64::consts::PI * 0.1_f64.powi(3);
+    let lens = 2.0 * std::f64::consts::PI * 0.04_f64.powi(2) * (0.3 - 0.04) / 3.0;
+    assert!((one.signed_volume() / (2.0 * ball - lens) - 1.0).abs() < 0.02);
 }
 
 #[test]

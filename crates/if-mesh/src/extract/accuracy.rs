@@ -41,7 +41,7 @@ pub(super) fn to_accuracy(
     loop {
         let mut found = attempt(field, region, cell, bound, params, budget)?;
         if found.report.error.worst() <= error {
-            let everywhere = ExtractParams { check: usize::MAX, ..params.clone() };
+            let everywhere = ExtractParams { check: usize::MAX, ..*params };
             let before = budget.evaluations;
             found.report.error = error_estimate(field, &found.mesh, &everywhere, budget)?;
             found.report.evaluations.check += budget.evaluations - before;

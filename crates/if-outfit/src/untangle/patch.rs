@@ -6,7 +6,8 @@ use crate::elastic_groups::ElasticGroups;
 use crate::outfit::Layer;
 use crate::params::ResolveParams;
 use crate::separating_plane::least_motion_plane;
-use if_core::edges::Edges;
+use if_core::aabb::Aabb;
+use if_core::edges::{Edges, VertexTriangles};
 use if_core::geodesic::Neighbours;
 use if_core::math::{Point, Real, Vector, unit_or_zero};
 use if_core::mesh::TriMesh;
@@ -28,6 +29,9 @@ const IN_VAIN: usize = 14;
 const RELAXING: usize = 16;
 /// Rounds over which two triangles that intersected are held apart.
 const KEPT: u32 = 12;
+/// Pairs held apart for each free vertex that cost no more than the cloth does. Sequins have some, what is tangled all
+/// over hundreds.
+const HELD: usize = 32;
 /// Maximum motion of a corner of an intersecting pair in a round, in metres. The deeper a region
 /// is, the more rounds it takes; ten times more tears the cloth.
 const STEP: Real = 2e-3;
@@ -64,6 +68,8 @@ pub(super) struct Outcome {
     pub(super) positions: Vec<Point>,
     /// Rounds made until now.
     pub(super) rounds: usize,
+    /// Pairs that were held apart beyond [`HELD`] for each free vertex, in all rounds together.
+    pub(super) excess: usize,
 }
 
 impl Outcome {
@@ -73,28 +79,25 @@ impl Outcome {
 }
 
 impl<'a> Patch<'a> {
-    /// The part of `garment`, with its vertices at `x`, within `reach` metres of `sources` along the
-    /// surface, and what lies near it. `tree` holds the garment at `x`.
+    /// The part of `garment`, with its vertices at `x`, round the vertices that are `near` some sources along the
+    /// surface, ascending and up to `reach` metres, and what lies near it. `tree` holds the garment at `x`.
     pub(super) fn new(
         garment: &'a Layer,
         x: &[Point],
-        sources: &BTreeSet<u32>,
         reach: Real,
-        (neighbours, tree): (&Neighbours, &Bvh),
+        (near, triangles_at, tree): (&[(u32, Real)], &VertexTriangles, &Bvh),
         params: &'a ResolveParams,
     ) -> Self {
         let whole = garment.mesh.triangles();
-        let far = neighbours.distances(sources.iter().copied(), reach);
-        let mut region = if_core::aabb::Aabb::EMPTY;
-        let free = far.iter().zip(x).filter(|(d, _)| d.is_finite());
-        free.for_each(|(_, p)| region = region.grown_to(p));
+        let far =
+            |v: u32| near.binary_search_by_key(&v, |n| n.0).map_or(Real::INFINITY, |k| near[k].1);
+        let region = Aabb::from_points(near.iter().map(|(v, _)| &x[*v as usize]));
         // What the free vertices can reach, and the triangles round them.
         let mut chosen = BTreeSet::new();
         tree.overlapping(&region.inflated(0.25 * reach), |t| {
             chosen.insert(t);
         });
-        let touches = |t: &[u32; 3]| t.iter().any(|v| far[*v as usize].is_finite());
-        chosen.extend((0..whole.len() as u32).filter(|t| touches(&whole[*t as usize])));
+        chosen.extend(near.iter().flat_map(|(v, _)| triangles_at.of(*v as usize)));
         let mut numbers: BTreeMap<u32, u32> = BTreeMap::new();
         let mut vertices = Vec::new();
         let triangles: Vec<[u32; 3]> = chosen
@@ -117,7 +120,7 @@ impl<'a> Patch<'a> {
         let softest = params.cloth.anchor_compliance;
         let mut inverse_masses = Vec::with_capacity(vertices.len());
         for (k, v) in vertices.iter().enumerate() {
-            let d = far[*v as usize];
+            let d = far(*v);
             inverse_masses.push(Real::from(u8::from(d.is_finite())));
             let near = 1.0 - (d / reach).min(1.0);
             let compliance = crate::cloth::STIFFEST_ANCHOR
@@ -204,11 +207,13 @@ impl<'a> Patch<'a> {
         counts
     }
 
-    /// Moves the sheets of each contour apart along its way. Returns the best state.
+    /// Moves the sheets of each contour apart along its way. Returns the best state. It stops once the
+    /// [excess](Outcome::excess) of pairs comes to `most`.
     pub(super) fn separate(
         &self,
         start: &[Point],
         ways: &[Way],
+        most: usize,
         poll: &mut dyn FnMut() -> Result<(), Cancelled>,
     ) -> Result<Outcome, Cancelled> {
         let gap = self.params.goal.clearance;
@@ -227,7 +232,8 @@ impl<'a> Patch<'a> {
         // pairs that ever did.
         let mut apart: BTreeMap<[u32; 2], (Vector, u32)> = BTreeMap::new();
         let mut met: BTreeSet<[u32; 2]> = BTreeSet::new();
-        let (mut vain, mut relaxed, mut rounds) = (0, 0, 0);
+        let (mut vain, mut relaxed, mut rounds, mut excess) = (0, 0, 0, 0);
+        let free = self.free_count();
         for round in 0..ROUNDS + RELAXING {
             poll()?;
             let mut separations = Separations::new();
@@ -258,6 +264,7 @@ impl<'a> Patch<'a> {
                     *rounds > 0
                 });
             }
+            excess += separations.len().saturating_sub(HELD * free);
             let mut all = groups.in_order();
             all.push(&mut separations as &mut dyn Constraint);
             if step(&mut solver, &mut particles, &mut x, &mut inverse_masses, &mut all).is_err() {
@@ -274,11 +281,11 @@ impl<'a> Patch<'a> {
                 best = now;
             }
             relaxed += usize::from(best.pairs.is_empty());
-            if relaxed > RELAXING || vain > IN_VAIN {
+            if relaxed > RELAXING || vain > IN_VAIN || excess > most {
                 break;
             }
         }
-        Ok(Outcome { rounds, ..best })
+        Ok(Outcome { rounds, excess, ..best })
     }
 
     /// The patch before anything is done.
@@ -307,7 +314,7 @@ impl<'a> Patch<'a> {
 
     fn outcome(&self, pairs: Vec<[u32; 2]>, positions: Vec<Point>, rounds: usize) -> Outcome {
         let strain = strain_of(&self.edges.vertices, self.mesh.vertices(), &positions);
-        Outcome { pairs, strain: strain.rms, largest: strain.max, positions, rounds }
+        Outcome { pairs, strain: strain.rms, largest: strain.max, positions, rounds, excess: 0 }
     }
 
     /// The pair with the triangle of the first sheet first, and the unit direction in which that is

@@ -14,6 +14,10 @@ use if_mesh::measure::{displacement, strain};
 use if_mesh::solid::ClosedLayer;
 use std::sync::Arc;
 
+/// Maximum vertices that are verified against layers for a garment: some seconds, where thousands of small parts meet
+/// themselves.
+const VERIFIED: usize = 20_000_000;
+
 /// Untangles the settled garments of `input` that intersect themselves. `closed` are their closed
 /// layers, the body first, and follow. Returns for each garment the rounds made.
 ///
@@ -44,7 +48,12 @@ pub(crate) fn untangle_settled(
         };
         let most = faults(&findings);
         let mut found = None;
+        let mut left = VERIFIED;
         let mut is_as_clean = |x: &[Point]| {
+            if left == 0 {
+                return false;
+            }
+            left = left.saturating_sub(x.len() * (index + 1));
             let mesh = dressed[index].mesh.with_vertices(x.to_vec());
             let mesh = mesh.expect("the solver keeps positions finite");
             // Most of what fails does so here, without a new closed layer.
@@ -52,6 +61,8 @@ pub(crate) fn untangle_settled(
             if faults(&[verify_garment(&mesh, &below)]) > faults(&findings[index..=index]) {
                 return false;
             }
+            let above = outfit.garments[index..].iter().map(|g| g.mesh.vertices().len());
+            left = left.saturating_sub(above.sum::<usize>() * (index + 1));
             outfit.garments[index].mesh = mesh;
             let now = verify_changed(&outfit, &changed, findings.clone(), closed.clone());
             let is_as_clean = faults(&now.0) <= most;
