@@ -12,6 +12,7 @@ pub use property::Property;
 pub use rule::Rule;
 pub use source::Source;
 
+use crate::normals::Turns;
 use if_core::math::Real;
 
 /// The properties of the vertices of a mesh.
@@ -158,6 +159,21 @@ impl VertexAttributes {
                 let value = made[p].values.get(k) / found * to;
                 made[p].values.set(k, value);
             });
+        }
+    }
+
+    /// Whether the vertices have normals.
+    pub(crate) fn has_normals(&self) -> bool {
+        self.rules.contains(&Rule::Normal)
+    }
+
+    /// Turns the normals, if there are any, with the surface.
+    pub(crate) fn turn_normals(&mut self, turns: &Turns) {
+        let place = |name| self.properties.iter().position(|p| p.name == name);
+        let axes = ["nx", "ny", "nz"].map(place);
+        if let (true, [Some(x), Some(y), Some(z)]) = (self.has_normals(), axes) {
+            let axes = self.properties.get_disjoint_mut([x, y, z]);
+            turns.turn(axes.expect("properties of different names").map(|p| &mut p.values));
         }
     }
 

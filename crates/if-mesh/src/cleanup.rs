@@ -9,7 +9,7 @@
 //!
 //! [`cleanup`](cleanup()) takes them in this order. Each step records which vertices the new ones
 //! are blends of, so that [`crate::attributes`] carries labels, skinning weights, colours and any
-//! other property along.
+//! other property along. [`cleanup`](cleanup()) also turns normals with the surface.
 //!
 //! ```text
 //! close seams                            # until the end
@@ -42,6 +42,7 @@ mod intersection_query;
 mod lid;
 mod loop_triangulation;
 mod manifold;
+mod normals_before;
 mod occupancy_grid;
 mod openings;
 mod params;
@@ -73,6 +74,7 @@ use edit_mesh::EditMesh;
 use if_core::field::SignedDistance;
 use if_core::mesh::TriMesh;
 use if_core::monitor::{Monitor, Progress};
+use normals_before::NormalsBefore;
 use seams::Seams;
 
 /// A clean mesh.
@@ -157,6 +159,8 @@ pub fn cleanup(
         work = EditMesh::new(seams.closed());
         (manifold, half_edges) = manifold::make_manifold_in_place(&mut work);
     }
+    let given = seams.as_ref().map_or(mesh, Seams::closed);
+    let normals = attributes.has_normals().then(|| NormalsBefore::of(given, &work));
     let seam_edges = seams.as_ref().map_or(0, Seams::edges);
     let mut report = CleanupReport { before, manifold, seam_edges, ..CleanupReport::default() };
     let mut loops;
@@ -211,12 +215,20 @@ pub fn cleanup(
         )?;
         work.compact(); // tips of ears that were removed
     }
-    let derived = match &seams {
-        Some(seams) => seams.reopened(mesh, work.finish(), attributes),
-        None => work.finish(),
+    let closed = work.finish();
+    let turns = normals.map(|normals| normals.turns_to(&closed));
+    let (derived, in_closed) = match &seams {
+        Some(seams) => seams.reopened(mesh, closed, attributes),
+        None => (closed, None),
     };
-    let (after, attributes) =
+    let (after, mut attributes) =
         rayon::join(|| MeshSize::of(&derived.mesh), || attributes.derive(&derived.sources));
+    if let Some(turns) = turns {
+        attributes.turn_normals(&match in_closed {
+            Some(in_closed) => turns.picked(&in_closed),
+            None => turns,
+        });
+    }
     report.after = after;
     Ok(Cleaned { mesh: derived.mesh, attributes, report })
 }
