@@ -204,6 +204,7 @@ pub(crate) fn run(args: &CleanArgs) -> Result<End, Report> {
     }
     let files = target.commit()?;
     drop(line);
+    notes.extend(parted_seams(&clean.report));
     let found = clean.report.holes.openings.len();
     if let Some(count) = args.open.openings.filter(|count| found < *count && !args.no_fill) {
         notes.push(format!("{count} openings were asked for, and there are {found}"));
@@ -278,6 +279,16 @@ fn notes(file: &MeshFile, ply: &PlyMesh) -> Vec<String> {
     }
     notes.extend(not_kept(ply));
     notes
+}
+
+/// A note on parted seams.
+fn parted_seams(report: &CleanupReport) -> Option<String> {
+    let parted = &report.holes.parted;
+    let at = parted.first()?.center.map(|x| format!("{x:.2}")).join(", ");
+    Some(format!(
+        "{} loops lie within 0.2 mm of others, the first around {at} m: sides of a parted seam, neither openings nor holes, and left as they are; merge their vertices by distance first, and where only one side has a vertex, split the edge of the other side there",
+        parted.len()
+    ))
 }
 
 fn say_it(

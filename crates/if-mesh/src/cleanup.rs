@@ -16,7 +16,7 @@
 //! make manifold                          # degenerate triangles, non-manifold edges, bow-ties
 //! repeat
 //!     drop components below a share of the largest
-//!     loops → openings or holes          # Openings
+//!     loops → openings or holes          # Openings; sides of parted seams are neither
 //!     for each hole: triangulate → refine → fair or project; the first shape without intersections
 //! until nothing is dropped or filled
 //! smooth the openings' loops             # ears, Taubin, falloff, back to φ, no triangle turned over
@@ -46,6 +46,7 @@ mod normals_before;
 mod occupancy_grid;
 mod openings;
 mod params;
+mod parted;
 mod patch;
 mod project;
 mod report;
@@ -185,13 +186,12 @@ pub fn cleanup(
                 params.single_precision,
                 monitor,
             )?,
-            None => {
-                (FillReport::default(), half_edges::boundary_loops(&work.triangles, &half_edges))
-            }
+            None => fill::unfilled(&work, &half_edges),
         };
         loops = open;
         report.holes.left = found.left;
         report.holes.openings = found.openings;
+        report.holes.parted = found.parted;
         if found.filled.is_empty() {
             break;
         }

@@ -61,6 +61,29 @@ fn clean_drops_fills_and_keeps_openings_and_attributes() {
 }
 
 #[test]
+fn sides_of_a_parted_seam_are_named_and_count_as_no_openings() {
+    let folder = Folder::new();
+    let half = tube(0.1, 0.2, 24, 8, false);
+    let base = half.vertices().len() as u32;
+    let upper = half.vertices().iter().map(|p| p + if_core::math::Vector::y() * 0.20005);
+    let vertices = half.vertices().iter().copied().chain(upper).collect();
+    let triangles = half.triangles().iter().map(|t| t.map(|v| v + base));
+    let mesh = TriMesh::new(vertices, half.triangles().iter().copied().chain(triangles).collect());
+    let ply = PlyMesh::new(mesh.unwrap());
+    let (how, path) = (WriteParams::default(), folder.path("crack.ply"));
+    ply::write_path(&ply, ply.mesh.vertices(), &how, &path).unwrap();
+    for options in ["--openings 2", "", "--no-fill"] {
+        let command = format!("clean crack.ply --out out.ply --no-pictures {options}");
+        let run = folder.ifg(&command).expect(0);
+        for word in ["2 sides of parted seams", "the first around", "0.20", "merge their vertices"]
+        {
+            assert!(run.stdout.contains(word), "{word}\n{}", run.stdout);
+        }
+        assert!(options == "--no-fill" || run.stdout.contains("2 openings kept"), "{}", run.stdout);
+    }
+}
+
+#[test]
 fn what_cannot_be_cleaned_is_refused() {
     let folder = Folder::new();
     raw(&folder);

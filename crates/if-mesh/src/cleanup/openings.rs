@@ -8,7 +8,8 @@ use if_core::parameter::ParameterError;
 /// How openings (neck, cuffs, hem, front) are distinguished from holes (armpits, unseen surface).
 ///
 /// A closed top, a dress or a pullover has 4 openings, an open jacket 3 (its hem, front and neck
-/// are one), trousers 3, a skirt 2.
+/// are one), trousers 3, a skirt 2. Sides of parted seams ([`FillReport::parted`](super::FillReport)) are
+/// neither.
 #[derive(Clone, Debug)]
 #[non_exhaustive]
 pub enum Openings {
