@@ -24,6 +24,7 @@ use if_mesh::cleanup::{
     MAX_PASSES, Openings, SmoothParams, cleanup,
 };
 use if_mesh::file::{Content, MeshFile};
+use if_mesh::obj::{self, Lost};
 use if_mesh::ply::{self, CoordinateType, PlyMesh, WriteParams};
 use if_mesh::sdf::{MeshSdf, SdfError};
 use if_mesh::validate::faults;
@@ -151,11 +152,11 @@ pub(crate) fn run(args: &CleanArgs) -> Result<End, Report> {
         _ => None,
     };
     let mesh = file.mesh();
-    let mut ply = match file.content() {
-        Content::Ply(ply) => ply.clone(),
-        _ => PlyMesh { coordinates: CoordinateType::Double, ..PlyMesh::new(mesh.clone()) },
-    };
-    let mut notes = notes(&file, &ply);
+    let (mut ply, mut notes) = content(&file).map_err(|source| CleanError::Read {
+        path: args.file.clone(),
+        advice: "export it again",
+        source: ErrorChain::new(&source),
+    })?;
     let attributes =
         VertexAttributes::new(mesh.vertices().len(), std::mem::take(&mut ply.vertex_properties))
             .map_err(|source| CleanError::Attributes { path: args.file.clone(), source })?;
@@ -267,18 +268,33 @@ fn params(args: &CleanArgs, body: Option<&TriMesh>, single_precision: bool) -> C
     }
 }
 
-/// What a person should know about the input.
-fn notes(file: &MeshFile, ply: &PlyMesh) -> Vec<String> {
+/// The mesh with the properties of its vertices, and what a person should know about the file.
+fn content(file: &MeshFile) -> Result<(PlyMesh, Vec<String>), obj::ReadError> {
     let mut notes: Vec<String> =
         faults(file.mesh()).iter().map(|f| format!("the input: {f}")).collect();
-    match file.content() {
-        Content::Obj(_) => notes
-            .push("texture coordinates, normals and groups of the OBJ file are not kept".into()),
-        Content::Gltf(_) => notes.push("of the glTF file only the triangles are kept".into()),
-        _ => {}
-    }
-    notes.extend(not_kept(ply));
-    notes
+    let triangles =
+        PlyMesh { coordinates: CoordinateType::Double, ..PlyMesh::new(file.mesh().clone()) };
+    let ply = match file.content() {
+        Content::Ply(ply) => ply.clone(),
+        Content::Obj(obj) => {
+            let (of_file, lost) = obj::to_ply(obj)?;
+            notes.push(
+                "texture coordinates, materials and groups of the OBJ file are not kept".into(),
+            );
+            let at_vertices = |l: &&Lost| {
+                matches!(l, Lost::Normals { .. } | Lost::Colours { .. } | Lost::Weights { .. })
+            };
+            notes.extend(lost.iter().filter(at_vertices).map(ToString::to_string));
+            PlyMesh { vertex_properties: of_file.vertex_properties, ..triangles }
+        }
+        Content::Gltf(_) => {
+            notes.push("of the glTF file only the triangles are kept".into());
+            triangles
+        }
+        _ => triangles,
+    };
+    notes.extend(not_kept(&ply));
+    Ok((ply, notes))
 }
 
 /// A note on parted seams.
