@@ -24,6 +24,7 @@ use if_mesh::cleanup::{
     MAX_PASSES, Openings, SmoothParams, cleanup,
 };
 use if_mesh::file::{Content, MeshFile};
+use if_mesh::obj::{self, Lost};
 use if_mesh::ply::{self, CoordinateType, PlyMesh, WriteParams};
 use if_mesh::sdf::{MeshSdf, SdfError};
 use if_mesh::validate::faults;
@@ -151,11 +152,11 @@ pub(crate) fn run(args: &CleanArgs) -> Result<End, Report> {
         _ => None,
     };
     let mesh = file.mesh();
-    let mut ply = match file.content() {
-        Content::Ply(ply) => ply.clone(),
-        _ => PlyMesh { coordinates: CoordinateType::Double, ..PlyMesh::new(mesh.clone()) },
-    };
-    let mut notes = notes(&file, &ply);
+    let (mut ply, mut notes) = content(&file).map_err(|source| CleanError::Read {
+        path: args.file.clone(),
+        advice: "export it again",
+        source: ErrorChain::new(&source),
+    })?;
     let attributes =
         VertexAttributes::new(mesh.vertices().len(), std::mem::take(&mut ply.vertex_properties))
             .map_err(|source| CleanError::Attributes { path: args.file.clone(), source })?;
@@ -204,6 +205,7 @@ pub(crate) fn run(args: &CleanArgs) -> Result<End, Report> {
     }
     let files = target.commit()?;
     drop(line);
+    notes.extend(parted_seams(&clean.report));
     let found = clean.report.holes.openings.len();
     if let Some(count) = args.open.openings.filter(|count| found < *count && !args.no_fill) {
         notes.push(format!("{count} openings were asked for, and there are {found}"));
@@ -266,18 +268,43 @@ fn params(args: &CleanArgs, body: Option<&TriMesh>, single_precision: bool) -> C
     }
 }
 
-/// What a person should know about the input.
-fn notes(file: &MeshFile, ply: &PlyMesh) -> Vec<String> {
+/// The mesh with the properties of its vertices, and what a person should know about the file.
+fn content(file: &MeshFile) -> Result<(PlyMesh, Vec<String>), obj::ReadError> {
     let mut notes: Vec<String> =
         faults(file.mesh()).iter().map(|f| format!("the input: {f}")).collect();
-    match file.content() {
-        Content::Obj(_) => notes
-            .push("texture coordinates, normals and groups of the OBJ file are not kept".into()),
-        Content::Gltf(_) => notes.push("of the glTF file only the triangles are kept".into()),
-        _ => {}
-    }
-    notes.extend(not_kept(ply));
-    notes
+    let triangles =
+        PlyMesh { coordinates: CoordinateType::Double, ..PlyMesh::new(file.mesh().clone()) };
+    let ply = match file.content() {
+        Content::Ply(ply) => ply.clone(),
+        Content::Obj(obj) => {
+            let (of_file, lost) = obj::to_ply(obj)?;
+            notes.push(
+                "texture coordinates, materials and groups of the OBJ file are not kept".into(),
+            );
+            let at_vertices = |l: &&Lost| {
+                matches!(l, Lost::Normals { .. } | Lost::Colours { .. } | Lost::Weights { .. })
+            };
+            notes.extend(lost.iter().filter(at_vertices).map(ToString::to_string));
+            PlyMesh { vertex_properties: of_file.vertex_properties, ..triangles }
+        }
+        Content::Gltf(_) => {
+            notes.push("of the glTF file only the triangles are kept".into());
+            triangles
+        }
+        _ => triangles,
+    };
+    notes.extend(not_kept(&ply));
+    Ok((ply, notes))
+}
+
+/// A note on parted seams.
+fn parted_seams(report: &CleanupReport) -> Option<String> {
+    let parted = &report.holes.parted;
+    let at = parted.first()?.center.map(|x| format!("{x:.2}")).join(", ");
+    Some(format!(
+        "{} loops lie within 0.2 mm of others, the first around {at} m: sides of a parted seam, neither openings nor holes, and left as they are; merge their vertices by distance first, and where only one side has a vertex, split the edge of the other side there",
+        parted.len()
+    ))
 }
 
 fn say_it(

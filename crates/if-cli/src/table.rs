@@ -127,8 +127,12 @@ pub(crate) fn cleaned(report: &CleanupReport, colour: bool) -> String {
     steps.add_row([Cell::new("isolated elements"), Cell::new(parts)]);
     let h = &report.holes;
     let added: usize = h.filled.iter().map(|f| f.triangles).sum();
+    let parted = match h.parted.len() {
+        0 => String::new(),
+        n => format!(", {} sides of parted seams", count(n)),
+    };
     let filled = format!(
-        "{} filled ({} triangles, {:.2} cm2), {} left, {} openings kept",
+        "{} filled ({} triangles, {:.2} cm2), {} left, {} openings kept{parted}",
         count(h.filled.len()),
         count(added),
         h.filled.iter().fold(0.0, |sum, f| sum + f.area) * 1e4, // the sum of none is -0

@@ -12,6 +12,7 @@ pub use property::Property;
 pub use rule::Rule;
 pub use source::Source;
 
+use crate::normals::Turns;
 use if_core::math::Real;
 
 /// The properties of the vertices of a mesh.
@@ -58,6 +59,7 @@ impl VertexAttributes {
     /// | `nx`, `ny`, `nz`, all three | [`Rule::Normal`] |
     /// | `red`, `green`, `blue`, `alpha`, with or without the prefix `diffuse_` | [`Rule::Mean`] |
     /// | lists | [`Rule::Nearest`] |
+    /// | `label`, of whole numbers in any type | [`Rule::Majority`] |
     /// | others of `f32` and `f64` | [`Rule::Mean`] |
     /// | others | [`Rule::Majority`] |
     ///
@@ -157,6 +159,21 @@ impl VertexAttributes {
                 let value = made[p].values.get(k) / found * to;
                 made[p].values.set(k, value);
             });
+        }
+    }
+
+    /// Whether the vertices have normals.
+    pub(crate) fn has_normals(&self) -> bool {
+        self.rules.contains(&Rule::Normal)
+    }
+
+    /// Turns the normals, if there are any, with the surface.
+    pub(crate) fn turn_normals(&mut self, turns: &Turns) {
+        let place = |name| self.properties.iter().position(|p| p.name == name);
+        let axes = ["nx", "ny", "nz"].map(place);
+        if let (true, [Some(x), Some(y), Some(z)]) = (self.has_normals(), axes) {
+            let axes = self.properties.get_disjoint_mut([x, y, z]);
+            turns.turn(axes.expect("properties of different names").map(|p| &mut p.values));
         }
     }
 
@@ -262,6 +279,21 @@ mod tests {
         );
         let Column::I64(big) = &made.properties()[2].values else { panic!("another type") };
         assert_eq!(big[2], i64::MAX - 1, "a copy keeps its bits");
+    }
+
+    #[test]
+    fn labels_stored_as_floats_are_decided_by_majority_unless_some_are_fractions() {
+        let rules = |name: &str, values: Vec<f32>| {
+            let property = Property::new(name, Column::F32(values));
+            VertexAttributes::new(2, vec![property]).unwrap()
+        };
+        let made = rules("label", vec![1.0, 3.0]);
+        assert_eq!(made.rules(), [Rule::Majority]);
+        let made = made.derive(&[Source::Blend(vec![(1, 0.6), (0, 0.4)])]);
+        assert_eq!(made.properties()[0].values, Column::F32(vec![3.0]));
+        assert_eq!(rules("label", vec![1.0, 2.5]).rules(), [Rule::Mean]);
+        assert_eq!(rules("label", vec![1.0, f32::NAN]).rules(), [Rule::Mean]);
+        assert_eq!(rules("heat", vec![1.0, 3.0]).rules(), [Rule::Mean]);
     }
 
     #[test]

@@ -9,14 +9,14 @@
 //!
 //! [`cleanup`](cleanup()) takes them in this order. Each step records which vertices the new ones
 //! are blends of, so that [`crate::attributes`] carries labels, skinning weights, colours and any
-//! other property along.
+//! other property along. [`cleanup`](cleanup()) also turns normals with the surface.
 //!
 //! ```text
 //! close seams                            # until the end
 //! make manifold                          # degenerate triangles, non-manifold edges, bow-ties
 //! repeat
 //!     drop components below a share of the largest
-//!     loops → openings or holes          # Openings
+//!     loops → openings or holes          # Openings; sides of parted seams are neither
 //!     for each hole: triangulate → refine → fair or project; the first shape without intersections
 //! until nothing is dropped or filled
 //! smooth the openings' loops             # ears, Taubin, falloff, back to φ, no triangle turned over
@@ -42,9 +42,11 @@ mod intersection_query;
 mod lid;
 mod loop_triangulation;
 mod manifold;
+mod normals_before;
 mod occupancy_grid;
 mod openings;
 mod params;
+mod parted;
 mod patch;
 mod project;
 mod report;
@@ -73,6 +75,7 @@ use edit_mesh::EditMesh;
 use if_core::field::SignedDistance;
 use if_core::mesh::TriMesh;
 use if_core::monitor::{Monitor, Progress};
+use normals_before::NormalsBefore;
 use seams::Seams;
 
 /// A clean mesh.
@@ -157,6 +160,8 @@ pub fn cleanup(
         work = EditMesh::new(seams.closed());
         (manifold, half_edges) = manifold::make_manifold_in_place(&mut work);
     }
+    let given = seams.as_ref().map_or(mesh, Seams::closed);
+    let normals = attributes.has_normals().then(|| NormalsBefore::of(given, &work));
     let seam_edges = seams.as_ref().map_or(0, Seams::edges);
     let mut report = CleanupReport { before, manifold, seam_edges, ..CleanupReport::default() };
     let mut loops;
@@ -181,13 +186,12 @@ pub fn cleanup(
                 params.single_precision,
                 monitor,
             )?,
-            None => {
-                (FillReport::default(), half_edges::boundary_loops(&work.triangles, &half_edges))
-            }
+            None => fill::unfilled(&work, &half_edges),
         };
         loops = open;
         report.holes.left = found.left;
         report.holes.openings = found.openings;
+        report.holes.parted = found.parted;
         if found.filled.is_empty() {
             break;
         }
@@ -211,12 +215,20 @@ pub fn cleanup(
         )?;
         work.compact(); // tips of ears that were removed
     }
-    let derived = match &seams {
-        Some(seams) => seams.reopened(mesh, work.finish(), attributes),
-        None => work.finish(),
+    let closed = work.finish();
+    let turns = normals.map(|normals| normals.turns_to(&closed));
+    let (derived, in_closed) = match &seams {
+        Some(seams) => seams.reopened(mesh, closed, attributes),
+        None => (closed, None),
     };
-    let (after, attributes) =
+    let (after, mut attributes) =
         rayon::join(|| MeshSize::of(&derived.mesh), || attributes.derive(&derived.sources));
+    if let Some(turns) = turns {
+        attributes.turn_normals(&match in_closed {
+            Some(in_closed) => turns.picked(&in_closed),
+            None => turns,
+        });
+    }
     report.after = after;
     Ok(Cleaned { mesh: derived.mesh, attributes, report })
 }

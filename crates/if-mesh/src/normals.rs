@@ -1,5 +1,6 @@
 //! Normals of a file, which follow vertices that moved.
 
+use crate::attributes::Column;
 use if_core::math::{Point, Vector};
 use if_core::mesh::TriMesh;
 
@@ -29,6 +30,31 @@ impl Turns {
         }
         let moved = mesh.with_vertices(positions.to_vec()).ok()?;
         Some(Self { before: mesh.vertex_normals(), after: moved.vertex_normals() })
+    }
+
+    /// Between the surface normals of the same vertices.
+    pub(crate) fn between(before: Vec<Vector>, after: Vec<Vector>) -> Self {
+        Self { before, after }
+    }
+
+    /// Those of some vertices, in the order of their numbers.
+    pub(crate) fn picked(&self, vertices: &[u32]) -> Self {
+        let of = |normals: &[Vector]| vertices.iter().map(|v| normals[*v as usize]).collect();
+        Self { before: of(&self.before), after: of(&self.after) }
+    }
+
+    /// Turns the normals in three columns, of x, y and z, with the surface. Unsigned numbers stay: they are
+    /// offsets from a middle that the file does not name.
+    pub(crate) fn turn(&self, mut columns: [&mut Column; 3]) {
+        for v in 0..self.before.len() {
+            let n = columns.each_ref().map(|c| c.get(v));
+            let Some(n) = self.turned(v, &n.into()) else { continue };
+            for (axis, column) in columns.iter_mut().enumerate() {
+                if column.scalar_type().is_signed() {
+                    column.set(v, n[axis]);
+                }
+            }
+        }
     }
 
     /// The normal `n` of vertex `v` turned with the surface; `None` if it stays.

@@ -61,6 +61,72 @@ fn clean_drops_fills_and_keeps_openings_and_attributes() {
 }
 
 #[test]
+fn sides_of_a_parted_seam_are_named_and_count_as_no_openings() {
+    let folder = Folder::new();
+    let half = tube(0.1, 0.2, 24, 8, false);
+    let base = half.vertices().len() as u32;
+    let upper = half.vertices().iter().map(|p| p + if_core::math::Vector::y() * 0.20005);
+    let vertices = half.vertices().iter().copied().chain(upper).collect();
+    let triangles = half.triangles().iter().map(|t| t.map(|v| v + base));
+    let mesh = TriMesh::new(vertices, half.triangles().iter().copied().chain(triangles).collect());
+    let ply = PlyMesh::new(mesh.unwrap());
+    let (how, path) = (WriteParams::default(), folder.path("crack.ply"));
+    ply::write_path(&ply, ply.mesh.vertices(), &how, &path).unwrap();
+    for options in ["--openings 2", "", "--no-fill"] {
+        let command = format!("clean crack.ply --out out.ply --no-pictures {options}");
+        let run = folder.ifg(&command).expect(0);
+        for word in ["2 sides of parted seams", "the first around", "0.20", "merge their vertices"]
+        {
+            assert!(run.stdout.contains(word), "{word}\n{}", run.stdout);
+        }
+        assert!(options == "--no-fill" || run.stdout.contains("2 openings kept"), "{}", run.stdout);
+    }
+}
+
+#[test]
+fn colours_and_normals_of_obj_files_are_carried_and_what_is_lost_is_named() {
+    let folder = Folder::new();
+    let tube = tube(0.1, 0.4, 40, 20, false);
+    let text = |colour: &dyn Fn(usize) -> &'static str| {
+        let vertex = |(k, p): (usize, &if_core::math::Point)| {
+            format!("v {} {} {}{}\n", p.x, p.y, p.z, colour(k))
+        };
+        let mut text: String = tube.vertices().iter().enumerate().map(vertex).collect();
+        text.extend(tube.vertices().iter().map(|p| format!("vn {} 0 {}\n", p.x / 0.1, p.z / 0.1)));
+        let corner = |v: &u32| format!(" {0}//{0}", v + 1);
+        let hole = if_core::math::Point::new(0.1, 0.2, 0.0);
+        let is_kept = |t: &&[u32; 3]| (tube.vertices()[t[0] as usize] - hole).norm() > 0.05;
+        text.extend(
+            tube.triangles()
+                .iter()
+                .filter(is_kept)
+                .map(|t| format!("f{}\n", t.iter().map(corner).collect::<String>())),
+        );
+        text
+    };
+    std::fs::write(folder.path("all.obj"), text(&|_| " 1 0.2 0")).unwrap();
+    let run = folder.ifg("clean all.obj --out all.ply --no-pictures").expect(0);
+    assert!(run.stdout.contains("texture coordinates, materials and groups"), "{}", run.stdout);
+    assert!(run.stdout.contains("1 filled"), "{}", run.stdout);
+    assert!(!run.stdout.contains("colours"), "{}", run.stdout);
+    let file = MeshFile::read(&folder.path("all.ply")).unwrap();
+    let Content::Ply(ply) = file.content() else { panic!("a PLY file") };
+    let n = ply.mesh.vertices().len();
+    for (name, value) in [("red", 255), ("green", 51), ("blue", 0)] {
+        assert_eq!(ply.vertex_property(name).unwrap().values, Column::U8(vec![value; n]));
+    }
+    let [x, z] = ["nx", "nz"].map(|name| ply.vertex_property(name).unwrap().values.to_f64());
+    let is_outward = |v: usize| {
+        let p = ply.mesh.vertices()[v];
+        x[v] * p.x + z[v] * p.z > 0.95 * p.x.hypot(p.z)
+    };
+    assert!((0..n).all(is_outward));
+    std::fs::write(folder.path("some.obj"), text(&|k| if k == 0 { "" } else { " 1 0 0" })).unwrap();
+    let run = folder.ifg("clean some.obj --out some.ply --no-pictures").expect(0);
+    assert!(run.stdout.contains("colours of vertices are not kept"), "{}", run.stdout);
+}
+
+#[test]
 fn what_cannot_be_cleaned_is_refused() {
     let folder = Folder::new();
     raw(&folder);

@@ -109,6 +109,11 @@ impl ScalarType {
     pub fn is_integer(self) -> bool {
         !matches!(self, Self::F32 | Self::F64)
     }
+
+    /// Whether the type has negative numbers.
+    pub(crate) fn is_signed(self) -> bool {
+        !matches!(self, Self::U8 | Self::U16 | Self::U32 | Self::U64)
+    }
 }
 
 impl fmt::Display for ScalarType {
@@ -136,12 +141,12 @@ impl Column {
 
     /// Value `k` as `f64`.
     #[allow(clippy::unnecessary_cast)] // as above
-    pub(super) fn get(&self, k: usize) -> f64 {
+    pub(crate) fn get(&self, k: usize) -> f64 {
         with_column!(self, v => v[k] as f64)
     }
 
     /// Sets value `k`: rounded for integer types, which also saturate.
-    pub(super) fn set(&mut self, k: usize, value: f64) {
+    pub(crate) fn set(&mut self, k: usize, value: f64) {
         match self {
             Self::F32(v) => v[k] = value as f32,
             Self::F64(v) => v[k] = value,

@@ -1,5 +1,6 @@
 //! How properties of new vertices follow from those of their sources.
 
+use super::column::Column;
 use super::property::Property;
 use serde::Serialize;
 
@@ -34,9 +35,16 @@ pub(super) fn rules(properties: &[Property]) -> Vec<Rule> {
             _ if joint.is_some_and(|k| k < skinned) => Rule::Skinning,
             "nx" | "ny" | "nz" if normals => Rule::Normal,
             "red" | "green" | "blue" | "alpha" => Rule::Mean,
+            "label" if is_whole(&p.values) => Rule::Majority,
             _ if p.values.scalar_type().is_integer() => Rule::Majority,
             _ => Rule::Mean,
         }
     };
     properties.iter().map(rule).collect()
+}
+
+/// Whether all values are whole numbers. Writers without integers, as those of point clouds, store labels
+/// as floats.
+fn is_whole(values: &Column) -> bool {
+    values.to_f64().iter().all(|x| x.fract() == 0.0)
 }

@@ -4,6 +4,7 @@ use super::boundary_loop::LoopShape;
 use super::edit_mesh::EditMesh;
 use super::half_edges::ends;
 use super::openings::Openings;
+use super::parted::parted;
 use if_core::math::{Point, Real};
 
 /// Classification of a boundary loop.
@@ -13,16 +14,28 @@ pub(super) enum LoopKind {
     Opening,
     /// A hole.
     Hole,
+    /// The side of a parted seam.
+    Seam,
+}
+
+/// The kind of each loop. Sides of parted seams are no loops for `openings`.
+pub(super) fn kinds(
+    openings: &Openings,
+    work: &EditMesh,
+    loops: &[Vec<u32>],
+    shapes: &[LoopShape],
+) -> Vec<LoopKind> {
+    let parted = parted(work, loops);
+    let others: Vec<usize> = (0..loops.len()).filter(|k| !parted[*k]).collect();
+    let mut kinds = vec![LoopKind::Seam; loops.len()];
+    let found = openings.classify_some(work, loops, shapes, &others);
+    others.iter().zip(found).for_each(|(k, kind)| kinds[*k] = kind);
+    kinds
 }
 
 impl Openings {
-    /// The kind of each loop.
-    pub(super) fn classify(
-        &self,
-        work: &EditMesh,
-        loops: &[Vec<u32>],
-        shapes: &[LoopShape],
-    ) -> Vec<LoopKind> {
+    /// The kind of each loop, none of which is the side of a parted seam.
+    fn classify(&self, work: &EditMesh, loops: &[Vec<u32>], shapes: &[LoopShape]) -> Vec<LoopKind> {
         let kind = |open: bool| if open { LoopKind::Opening } else { LoopKind::Hole };
         match self {
             Self::Shape(share) => {
@@ -64,9 +77,7 @@ impl Openings {
             Self::Sequence(policies) => {
                 let mut open: Vec<usize> = (0..loops.len()).collect();
                 for policy in policies {
-                    let loops: Vec<Vec<u32>> = open.iter().map(|&k| loops[k].clone()).collect();
-                    let shapes: Vec<LoopShape> = open.iter().map(|&k| shapes[k]).collect();
-                    let kinds = policy.classify(work, &loops, &shapes);
+                    let kinds = policy.classify_some(work, loops, shapes, &open);
                     open = open
                         .into_iter()
                         .zip(kinds)
@@ -79,6 +90,19 @@ impl Openings {
                 kinds
             }
         }
+    }
+
+    /// The kinds of `some` of the loops, as if there were no others.
+    fn classify_some(
+        &self,
+        work: &EditMesh,
+        loops: &[Vec<u32>],
+        shapes: &[LoopShape],
+        some: &[usize],
+    ) -> Vec<LoopKind> {
+        let loops: Vec<Vec<u32>> = some.iter().map(|&k| loops[k].clone()).collect();
+        let shapes: Vec<LoopShape> = some.iter().map(|&k| shapes[k]).collect();
+        self.classify(work, &loops, &shapes)
     }
 }
 

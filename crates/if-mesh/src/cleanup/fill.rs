@@ -2,7 +2,7 @@
 
 use super::boundary_loop::LoopShape;
 use super::broad_phase::Bounded;
-use super::classify::LoopKind;
+use super::classify::{LoopKind, kinds};
 use super::edit_mesh::{Derived, EditMesh};
 use super::error::CleanupError;
 use super::half_edges::{HalfEdges, boundary_loops};
@@ -11,6 +11,7 @@ use super::intersection_query::{bounds, intersecting_pairs};
 use super::manifold::{make_manifold_in_place, remove_triangles};
 use super::openings::Openings;
 use super::params::FillParams;
+use super::parted::parted;
 use super::patch::Patch;
 use super::report::{FillReport, FilledHole, PatchShape};
 use crate::validate::is_flat;
@@ -94,7 +95,7 @@ pub(super) fn fill(
         let Attempt { report: found, open: new_open, left: new_left } = once(work, half_edges)?;
         left = new_left;
         tried.filled.extend(found.filled);
-        (tried.left, tried.openings) = (found.left, found.openings);
+        (tried.left, tried.openings, tried.parted) = (found.left, found.openings, found.parted);
         if left.len() < report.left.len() && new_open.len() <= open.len() {
             (report, open, best) = (tried.clone(), new_open, None);
         }
@@ -109,6 +110,20 @@ pub(super) fn fill(
         work.compact();
     }
     Ok((report, open))
+}
+
+/// What is found where nothing is filled: sides of parted seams in the report, and the other loops.
+pub(super) fn unfilled(work: &EditMesh, half_edges: &HalfEdges) -> (FillReport, Vec<Vec<u32>>) {
+    let (mut report, mut open) = (FillReport::default(), Vec::new());
+    let loops = boundary_loops(&work.triangles, half_edges);
+    let is_parted = parted(work, &loops);
+    for (boundary, is_parted) in loops.into_iter().zip(is_parted) {
+        match is_parted {
+            true => report.parted.push(LoopShape::new(work, half_edges, &boundary)),
+            false => open.push(boundary),
+        }
+    }
+    (report, open)
 }
 
 /// Result of one attempt.
@@ -139,12 +154,13 @@ fn fill_once(
     }
     let shapes: Vec<LoopShape> =
         loops.par_iter().map(|boundary| LoopShape::new(work, half_edges, boundary)).collect();
-    let kinds = openings.classify(work, &loops, &shapes);
+    let kinds = kinds(openings, work, &loops, &shapes);
     let mut report = FillReport::default();
     let mut jobs = Vec::new();
     for (k, kind) in kinds.iter().enumerate() {
         match kind {
             LoopKind::Opening => report.openings.push(shapes[k]),
+            LoopKind::Seam => report.parted.push(shapes[k]),
             LoopKind::Hole => jobs.push((k, Hole::new(work, half_edges, &loops[k]))),
         }
     }

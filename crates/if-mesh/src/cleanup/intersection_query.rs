@@ -22,7 +22,7 @@ pub(super) fn intersecting_pairs(
     changed: &[u32],
     broad_phase: &mut BroadPhase,
 ) -> Vec<[u32; 2]> {
-    IntersectionQuery::new(points, triangles, changed, points, broad_phase)
+    IntersectionQuery::new(points, triangles, changed, points, false, broad_phase)
         .pairs(points, triangles, changed)
 }
 
@@ -31,25 +31,29 @@ pub(super) fn intersecting_pairs(
 pub(super) struct IntersectionQuery {
     /// The triangles that a changed one can intersect, changed ones included, ascending.
     near: Vec<u32>,
-    /// Boxes around all their positions.
+    /// Boxes around all their positions, relative to `origin`: in single precision the boxes of a mesh far
+    /// from the origin of its coordinates would be as large as their cells, or larger than the mesh.
     hash: SpatialHash,
+    origin: Point,
 }
 
 impl IntersectionQuery {
     /// For `changed` triangles, ascending, whose corners stay between `points` and `target`, up to
-    /// rounding to single precision. All other triangles stay as they are in `points`.
+    /// rounding, to `single_precision` if so. All other triangles stay as they are in `points`.
     pub(super) fn new(
         points: &[Point],
         triangles: &[[u32; 3]],
         changed: &[u32],
         target: &[Point],
+        single_precision: bool,
         broad_phase: &mut BroadPhase,
     ) -> Self {
+        let epsilon = if single_precision { f32::EPSILON.into() } else { 2.0 * Real::EPSILON };
         let bounded = |t: &u32| {
             let corners = triangles[*t as usize];
             let b = bounds(corners.map(|v| &points[v as usize]))
                 .merged(&bounds(corners.map(|v| &target[v as usize])));
-            let rounding = b.min.coords.amax().max(b.max.coords.amax()) * Real::from(f32::EPSILON);
+            let rounding = b.min.coords.amax().max(b.max.coords.amax()) * epsilon;
             (*t, b.inflated(rounding))
         };
         let bounded: Vec<Bounded> = changed.iter().map(bounded).collect();
@@ -65,23 +69,26 @@ impl IntersectionQuery {
         broad_phase: &mut BroadPhase,
     ) -> Self {
         if changed.is_empty() {
-            return Self { near: Vec::new(), hash: SpatialHash::default() };
+            let (near, hash) = (Vec::new(), SpatialHash::default());
+            return Self { near, hash, origin: Point::origin() };
         }
+        let region = changed.iter().fold(Aabb::EMPTY, |b, s| b.merged(&s.1));
+        let origin = region.min;
         let near = broad_phase.candidates(points, triangles, changed);
         let mut next = changed.iter().peekable();
         let boxes: Vec<SmallBox> = near
             .iter()
             .map(|t| match next.next_if(|s| s.0 == *t) {
-                Some((_, b)) => SmallBox::round(b),
+                Some((_, b)) => SmallBox::round(b, &origin),
                 None => {
-                    SmallBox::round(&bounds(triangles[*t as usize].map(|v| &points[v as usize])))
+                    let corners = triangles[*t as usize].map(|v| &points[v as usize]);
+                    SmallBox::round(&bounds(corners), &origin)
                 }
             })
             .collect();
-        let region = changed.iter().fold(Aabb::EMPTY, |b, s| b.merged(&s.1));
         let side = changed.iter().map(|s| s.1.size().max()).sum::<Real>() / changed.len() as Real;
-        let hash = SpatialHash::new(&region, CELL * side, &boxes);
-        Self { near, hash }
+        let hash = SpatialHash::new(&region.size(), CELL * side, &boxes);
+        Self { near, hash, origin }
     }
 
     /// Pairs of triangles, ascending, that intersect at `points` beyond their common corners and of
@@ -109,7 +116,7 @@ impl IntersectionQuery {
                 let corners =
                     [&points[a[0] as usize], &points[a[1] as usize], &points[a[2] as usize]];
                 others.clear();
-                self.hash.query(&SmallBox::round(&bounds(corners)), &mut others);
+                self.hash.query(&SmallBox::round(&bounds(corners), &self.origin), &mut others);
                 // A pair of two changed triangles is found from the smaller one.
                 retain_from(&mut others, 0, |other| {
                     (other > k) | ((other < k) & !is_changed[other as usize])
@@ -258,6 +265,7 @@ mod tests {
                 &triangles,
                 &changed,
                 &target,
+                false,
                 &mut BroadPhase::default(),
             );
             let start = points.clone();

@@ -155,6 +155,9 @@ pub struct FillReport {
     pub cut_away: usize,
     /// Openings.
     pub openings: Vec<LoopShape>,
+    /// Sides of parted seams: loops that lie along others, less than 0.2 mm away, beyond which the surface
+    /// goes on. They are left as they are; [`weld`](crate::seams::weld) closes those at the same positions.
+    pub parted: Vec<LoopShape>,
 }
 
 /// A boundary loop that smoothing has visited.

@@ -51,8 +51,14 @@ pub(super) fn move_safely(
     let Paths { start, old, target, moving, touched } = *paths;
     let mut moves = vec![false; old.len()];
     moving.iter().for_each(|v| moves[*v as usize] = true);
-    let query =
-        IntersectionQuery::new(old, &work.triangles, touched, target, &mut work.broad_phase);
+    let query = IntersectionQuery::new(
+        old,
+        &work.triangles,
+        touched,
+        target,
+        single_precision,
+        &mut work.broad_phase,
+    );
     let mut halved = vec![0u8; old.len()];
     let mut is_changed = moves.clone();
     let mut changed = moving.to_vec();

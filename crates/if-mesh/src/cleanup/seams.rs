@@ -45,17 +45,18 @@ impl Seams {
 
     /// What was derived from the closed mesh, as derived from `mesh`: the corners of triangles that
     /// are still there have the vertices that they had, in the order of `mesh`. Others take the
-    /// first of those at their places. Without properties, the seams stay closed.
+    /// first of those at their places. Without properties, the seams stay closed. Also returns for each
+    /// vertex that of the closed mesh, unless they stay.
     pub(super) fn reopened(
         &self,
         mesh: &TriMesh,
         derived: Derived,
         attributes: &VertexAttributes,
-    ) -> Derived {
+    ) -> (Derived, Option<Vec<u32>>) {
         let sources: Vec<Source> =
             derived.sources.iter().map(|s| self.in_terms_of_all(s)).collect();
         if attributes.properties().is_empty() {
-            return Derived { mesh: derived.mesh, sources };
+            return (Derived { mesh: derived.mesh, sources }, None);
         }
         let before = self.corners_before(mesh);
         // Vertices with what they are copies of; new ones come last.
@@ -91,7 +92,8 @@ impl Seams {
         };
         let mesh = TriMesh::new(points, triangles)
             .expect("positions are those of the derived mesh, and corners stay distinct");
-        Derived { mesh, sources: vertices.iter().map(source).collect() }
+        let sources = vertices.iter().map(source).collect();
+        (Derived { mesh, sources }, Some(vertices.iter().map(|(_, v)| *v).collect()))
     }
 
     /// A source among vertices of the closed mesh, as one among all vertices.

@@ -1,13 +1,13 @@
 //! A spatial hash of boxes: which boxes overlap a given one.
 
 use if_core::aabb::Aabb;
-use if_core::math::{Point, Real};
+use if_core::math::{Point, Real, Vector};
 
 /// Maximum number of entries per box; above it the cells are doubled, so that a few large triangles
 /// do not fill the memory.
 const ENTRIES: usize = 16;
 
-/// A box in single precision, rounded outwards: many are tested for each that overlaps, so they
+/// A box in single precision, relative to an origin near it and rounded outwards: many are tested for each that overlaps, so they
 /// should be compact. The fourth numbers are 0: four are compared at once.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct SmallBox {
@@ -17,13 +17,15 @@ pub(super) struct SmallBox {
 
 impl SmallBox {
     #[inline]
-    pub(super) fn round(b: &Aabb) -> Self {
+    pub(super) fn round(b: &Aabb, origin: &Point) -> Self {
         let down =
             |x: Real| if Real::from(x as f32) > x { (x as f32).next_down() } else { x as f32 };
         let up = |x: Real| if Real::from(x as f32) < x { (x as f32).next_up() } else { x as f32 };
+        // Rounding is monotonic, so boxes that touch still overlap.
+        let (min, max) = (b.min - origin, b.max - origin);
         Self {
-            min: [down(b.min.x), down(b.min.y), down(b.min.z), 0.0],
-            max: [up(b.max.x), up(b.max.y), up(b.max.z), 0.0],
+            min: [down(min.x), down(min.y), down(min.z), 0.0],
+            max: [up(max.x), up(max.y), up(max.z), 0.0],
         }
     }
 
@@ -41,8 +43,6 @@ type Cell = [i32; 3];
 /// Boxes by the cells that they overlap, in buckets by a hash of the cell.
 #[derive(Default)]
 pub(super) struct SpatialHash {
-    /// Lower corner of the first cell.
-    min: Point,
     /// The last cell along each axis.
     last: Cell,
     scale: Real,
@@ -56,13 +56,12 @@ pub(super) struct SpatialHash {
 }
 
 impl SpatialHash {
-    /// Cells of about `side` over `region`, with `boxes`.
-    pub(super) fn new(region: &Aabb, side: Real, boxes: &[SmallBox]) -> Self {
-        let size = region.size();
+    /// Cells of about `side` over a region of this `size`, from the origin of `boxes` on, with `boxes`.
+    pub(super) fn new(size: &Vector, side: Real, boxes: &[SmallBox]) -> Self {
         let mut side = side.max(size.max() / Real::from(1 << 20)).max(Real::MIN_POSITIVE);
         loop {
             let last = [0, 1, 2].map(|axis| (size[axis] / side) as i32);
-            let mut hash = Self { min: region.min, last, scale: 1.0 / side, ..Self::default() };
+            let mut hash = Self { last, scale: 1.0 / side, ..Self::default() };
             let ranges: Vec<[Cell; 2]> = boxes.iter().map(|b| hash.range(b)).collect();
             let count = |[low, high]: &[Cell; 2]| {
                 let along = |axis: usize| (high[axis] - low[axis] + 1) as usize;
@@ -108,9 +107,8 @@ impl SpatialHash {
     #[inline]
     fn cell(&self, p: [f32; 4]) -> Cell {
         // Conversion saturates outside the region.
-        let along = |axis: usize| {
-            (((Real::from(p[axis]) - self.min[axis]) * self.scale) as i32).clamp(0, self.last[axis])
-        };
+        let along =
+            |axis: usize| ((Real::from(p[axis]) * self.scale) as i32).clamp(0, self.last[axis]);
         [along(0), along(1), along(2)]
     }
 

@@ -6,7 +6,7 @@ use super::ply_mesh::PlyMesh;
 use super::rows::{BLOCK, Blocks, Rows};
 use crate::attributes::{Column, Property, ScalarType};
 use crate::normals::{Normals, Turns};
-use if_core::math::{Point, Real, Vector};
+use if_core::math::{Point, Real};
 use if_core::mesh::{MeshError, TriMesh};
 use std::borrow::Cow;
 use std::collections::BTreeSet;
@@ -231,23 +231,8 @@ fn rotate_normals(properties: &mut [Cow<'_, Property>], mesh: &TriMesh, position
         .map(|n| properties.iter().position(|p| p.name == n && p.values.len() == positions.len()));
     let [Some(x), Some(y), Some(z)] = place else { return };
     let Some(turns) = Turns::new(mesh, positions) else { return };
-    let old = [x, y, z].map(|k| properties[k].values.to_f64());
-    for v in 0..positions.len() {
-        let Some(n) = turns.turned(v, &Vector::new(old[0][v], old[1][v], old[2][v])) else {
-            continue;
-        };
-        for (axis, k) in [x, y, z].into_iter().enumerate() {
-            match &mut properties[k].to_mut().values {
-                Column::F32(c) => c[v] = n[axis] as f32,
-                Column::F64(c) => c[v] = n[axis],
-                Column::I8(c) => c[v] = n[axis].round() as i8,
-                Column::I16(c) => c[v] = n[axis].round() as i16,
-                Column::I32(c) => c[v] = n[axis].round() as i32,
-                Column::I64(c) => c[v] = n[axis].round() as i64,
-                _ => {} // offsets from a middle that the file does not say
-            }
-        }
-    }
+    let axes = properties.get_disjoint_mut([x, y, z]).expect("properties of different names");
+    turns.turn(axes.map(|p| &mut p.to_mut().values));
 }
 
 /// Writes faces of any number of corners, each followed by its properties.
