@@ -29,6 +29,8 @@ MESHES = [
     ((with_vertex(7, 1, np.nan), F), ValueError, ["layers[0]", "vertex 7", "y is NaN"]),
     ((with_vertex(0, 2, np.inf), F), ValueError, ["layers[0]", "vertex 0", "z is inf"]),
     ((with_vertex(3, 0, -np.inf, np.float32), F), ValueError, ["vertex 3", "x is -inf"]),
+    ((np.ma.masked_less(V, -0.05), F), ValueError, ["layers[0]: vertices", "masked elements"]),
+    ((V, np.ma.masked_equal(F, 7)), ValueError, ["layers[0]: faces", "masked elements"]),
     ((V[:, :2], F), ValueError, ["layers[0]: vertices", "(200, 2)"]),
     ((np.hstack([V, V[:, :1]]), F), ValueError, ["vertices", "(200, 4)"]),
     ((V.ravel(), F), ValueError, ["vertices", "(600,)"]),

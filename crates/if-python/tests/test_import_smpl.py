@@ -73,6 +73,22 @@ def test_the_written_parameters_show_the_person_in_the_masks(source):
         assert mask[rows, columns].all()
 
 
+def test_soft_masks_of_people_snapshot_are_foreground_from_half_of_white(source, tmp_path):
+    h5py = pytest.importorskip("h5py", reason="People-Snapshot's files need h5py: pip install h5py")
+    source.write_model(tmp_path / "smpl.npz")
+    found = []
+    for black, white in [(0, 1), (0.02, 1), (3, 255)]:
+        theirs, ours = tmp_path / f"theirs{len(found)}", tmp_path / f"ours{len(found)}"
+        files.people_snapshot(source, theirs)
+        with h5py.File(theirs / "masks.hdf5", "r+") as file:
+            masks = file["masks"][...].astype(float)
+            del file["masks"]
+            file["masks"] = black + (white - black) * masks
+        convert(theirs, tmp_path / "smpl.npz", ours)
+        found.append([p.read_bytes() for p in sorted((ours / "mask").iterdir())])
+    assert len(found[0]) == source.count and found[0] == found[1] == found[2]
+
+
 def test_a_converted_body_is_where_smpl_places_it(layout, source):
     model = source.write_model(layout / "smpl.pkl")
     made = convert(layout / "theirs", model, layout / "ours", frames=99, **extras(layout))
@@ -228,6 +244,11 @@ def test_bad_files_are_named_and_nothing_is_written(theirs, change, words):
         ({"garments": None}, "labels and garments"),
         ({"garments": {"a": [1], "b": [1]}}, "label 1 is given to a and b"),
         ({"garments": {"a": [256]}}, "label 256"),
+        ({"garments": {"a/b": [1]}}, "'a/b' is not a valid name"),
+        ({"garments": {"": [1]}}, "'' is not a valid name"),
+        ({"garments": {".a": [1]}}, "'.a' is not a valid name"),
+        ({"garments": {5: [1]}}, "5 is not a valid name"),
+        ({"garments": {"skin": [1]}}, "'skin' is not a valid name"),
         ({"normal_axes": "maya"}, "normal_axes is 'maya'"),
         ({"pose_sigma": (90, 0)}, "60 degrees"),
     ],

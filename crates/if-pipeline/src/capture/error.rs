@@ -44,8 +44,8 @@ pub enum CaptureError {
     /// Two garments have the same name.
     #[error("{}: garments {first} and {second} are both called `{name}`; each needs its own name", path.display())]
     SameLayer { path: PathBuf, first: usize, second: usize, name: String },
-    /// A name is not valid in a file name.
-    #[error("{}: `{name}` is not a valid name: use letters, digits, blanks, `_`, `-` and `.`, and do not begin with `.`", path.display())]
+    /// A garment's name is not valid in a file name, or that of another label.
+    #[error("{}: `{name}` is not a valid name: use letters, digits, blanks, `_`, `-` and `.`, and do not begin with `.`; `background` and `skin` are labels of their own", path.display())]
     BadName { path: PathBuf, name: String },
     /// More labels than an image can hold.
     #[error("{}: {count} labels; there must be from 2 to 255", path.display())]

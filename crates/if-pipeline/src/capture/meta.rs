@@ -191,6 +191,9 @@ pub(super) fn check_names(
     }
     for (second, name) in layers.iter().enumerate() {
         check_name(path, name)?;
+        if labels[..2].contains(name) {
+            return Err(CaptureError::BadName { path: path.into(), name: name.clone() });
+        }
         if let Some(first) = layers[..second].iter().position(|n| n == name) {
             return Err(CaptureError::SameLayer { path: at(), first, second, name: name.clone() });
         }

@@ -253,6 +253,13 @@ fn invalid_meta_json_is_an_error_that_says_why() {
             },
             |e| matches!(e, E::SameLayer { first: 0, second: 1, .. }),
         ),
+        (
+            |m| {
+                m["labels"] = json!(["background", "skin", "skin"]);
+                m["layers_inner_to_outer"] = json!(["skin"]);
+            },
+            |e| matches!(e, E::BadName { name, .. } if name == "skin"),
+        ),
     ];
     for (k, (change, expected)) in faults.iter().enumerate() {
         let (_parent, path) = captured();

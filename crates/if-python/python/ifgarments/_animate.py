@@ -21,7 +21,7 @@ from ._arguments import (
     named_params,
     number,
 )
-from ._kinds import plain, read_outfit
+from ._kinds import plain, read_outfit, unmasked
 from ._outfits import Layers, Mesh
 
 #: Joints and weights of all vertices, four of each: shapes (n, 4); or a mesh file that has them.
@@ -161,7 +161,7 @@ def _motion(given: Any) -> bytes | str | NDArray[np.float64]:
         path = folder(given, "motion")
         return path if os.path.isdir(path) else _bytes(path)
     try:
-        positions = np.asarray(given)
+        positions = unmasked(given)
     except Exception as error:  # ragged lists; tensors of other devices
         raise ValueError(f"motion is not an array of numbers: {error}") from error
     if positions.ndim != 3 or positions.shape[2] != 3:

@@ -215,9 +215,16 @@ def _faces(given: Any, argument: str) -> Faces:
     return array
 
 
+def unmasked(given: Any) -> NDArray[Any]:
+    """`given` as an array; what is below a mask is no value."""
+    if isinstance(given, np.ma.MaskedArray) and np.ma.is_masked(given):
+        raise ValueError("it has masked elements: fill or remove them")
+    return np.asarray(given)
+
+
 def _array(given: Any, argument: str, what: str) -> NDArray[Any]:
     try:
-        return np.asarray(given)
+        return unmasked(given)
     except Exception as error:  # ragged lists; tensors of other devices
         raise ValueError(f"{argument}: {what} are not an array of numbers: {error}") from error
 

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 Collection = TypeVar("Collection", covariant=True)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Verified:
     """The state of an outfit."""
 

@@ -11,6 +11,7 @@ result has the files of one process that did all of it.
 from __future__ import annotations
 
 import multiprocessing
+import os
 import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
@@ -31,9 +32,9 @@ _PAUSE, _LOOKS = 5.0, 60
 
 
 def run(
-    wardrobe: str,
+    wardrobe: str | os.PathLike[str],
     combinations: Iterable[Combination],
-    out: str,
+    out: str | os.PathLike[str],
     *,
     engine: str = "processes",
     workers: int | None = None,

@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 
 from ._arguments import number
 from ._files import whole_file
-from ._kinds import Layer, read
+from ._kinds import Layer, read, unmasked
 
 __all__ = ["read_point_cache", "write"]
 
@@ -128,7 +128,7 @@ def _moving(layers: list[Layer], frames: Mapping[str, Any]) -> dict[str, Positio
         if name not in counts:
             raise ValueError(f"frames[{name!r}]: there is no such mesh; meshes are {list(counts)}")
         is_path = isinstance(given, (str, os.PathLike))
-        positions = read_point_cache(given) if is_path else np.asarray(given)
+        positions = read_point_cache(given) if is_path else unmasked(given)
         if positions.dtype.kind not in "fiu":
             raise TypeError(f"frames[{name!r}]: is {positions.dtype}; positions must be numbers")
         expected = ("frames", counts[name], 3)

@@ -19,6 +19,17 @@ from ._sources import Sequence
 _WORLD = np.diag([1.0, -1.0, -1.0])
 
 
+def _name(name: Any) -> str:
+    """The name of a garment, which becomes one of files and a label."""
+    fits = isinstance(name, str) and all(c.isalnum() or c in "_-. " for c in name)
+    if not fits or not name or name.startswith(".") or name in ("background", "skin"):
+        raise ValueError(
+            f"garments: {name!r} is not a valid name: use letters, digits, blanks, _, - and ., and do not "
+            "begin with .; background and skin are labels of their own"
+        )
+    return str(name)
+
+
 class Labels:
     """Pictures of a human parser, and what their numbers mean."""
 
@@ -28,7 +39,7 @@ class Labels:
         garments: Mapping[str, Iterable[int]] | None,
         background: Iterable[int],
     ) -> None:
-        given = {name: tuple(numbers) for name, numbers in (garments or {}).items()}
+        given = {_name(name): tuple(numbers) for name, numbers in (garments or {}).items()}
         if (folder is None) != (not given):
             raise ValueError("labels and garments must be given together")
         #: Names, inner to outer.

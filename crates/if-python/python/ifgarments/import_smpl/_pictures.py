@@ -30,6 +30,11 @@ def read_mask(path: Path, size: tuple[int, int] | None) -> Mask:
     if grey.ndim != 2 or (size is not None and grey.shape != size):
         wanted = "(rows, columns)" if size is None else str(size)
         raise CaptureError(path, None, f"has shape {grey.shape}; it must be {wanted}")
+    return foreground(grey)
+
+
+def foreground(grey: NDArray[Any]) -> Mask:
+    """Foreground is from half of full white: of 1 where that is the largest value, else of 255."""
     half = 0.5 if grey.size == 0 or grey.max() <= 1 else 128
     return np.asarray(grey >= half)
 

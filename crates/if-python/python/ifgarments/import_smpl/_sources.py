@@ -14,7 +14,7 @@ from ..errors import CaptureError
 from . import _rotations as rotations
 from ._files import Reals, needed, numbered, read_npz, reals, take
 from ._pickles import array, read_pickle
-from ._pictures import Mask, read_mask
+from ._pictures import Mask, foreground, read_mask
 
 #: Coefficients of the lens [Brown 1966], in OpenCV's order: k1, k2, p1, p2, k3.
 _NO_DISTORTION = np.zeros(5)
@@ -86,7 +86,7 @@ def people_snapshot(folder: Path, joints: int, poses: Path | None) -> Sequence:
     def mask(frame: int) -> Mask:
         with _hdf5(h5py, masks) as data:
             try:
-                return np.asarray(_dataset(masks, data, "masks")[frame]).astype(np.bool_)
+                return foreground(np.asarray(_dataset(masks, data, "masks")[frame]))
             except OSError as error:
                 raise CaptureError(masks, "masks", f"frame {frame}: {error}") from None
 
