@@ -224,6 +224,27 @@ mod tests {
     }
 
     #[test]
+    fn far_from_the_origin_no_more_candidates_are_found() {
+        let ball = icosphere(0.3, 3);
+        let all: Vec<u32> = (0..ball.triangles().len() as u32).collect();
+        let candidates = |offset: Vector| {
+            let points: Vec<Point> = ball.vertices().iter().map(|p| p + offset).collect();
+            let (triangles, mut broad_phase) = (ball.triangles(), BroadPhase::default());
+            let query =
+                IntersectionQuery::new(&points, triangles, &all, &points, false, &mut broad_phase);
+            let mut found = Vec::new();
+            for t in triangles {
+                let corners = bounds(t.map(|v| &points[v as usize]));
+                query.hash.query(&SmallBox::round(&corners, &query.origin), &mut found);
+            }
+            found.len()
+        };
+        let (near, far) =
+            (candidates(Vector::zeros()), candidates(Vector::new(4.5e5, 5.2e6, 100.0)));
+        assert!(far < near + near / 20, "{near}, {far}");
+    }
+
+    #[test]
     fn on_random_soups_the_pairs_equal_those_of_the_tree_while_corners_move() {
         let mut rng = Pcg64Mcg::seed_from_u64(3);
         for round in 0..60 {
