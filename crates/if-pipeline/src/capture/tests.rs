@@ -210,7 +210,7 @@ type Fault = (fn(&mut Value), fn(&CaptureError) -> bool);
 #[test]
 fn invalid_meta_json_is_an_error_that_says_why() {
     use CaptureError as E;
-    let faults: [Fault; 15] = [
+    let faults: [Fault; 16] = [
         (
             |m| m["pose_sigma_mm"] = json!(-3),
             |e| matches!(e, E::Sigma { key: "pose_sigma_mm", .. }),
