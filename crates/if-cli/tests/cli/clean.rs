@@ -95,7 +95,7 @@ fn colours_and_normals_of_obj_files_are_carried_and_what_is_lost_is_named() {
         text.extend(tube.vertices().iter().map(|p| format!("vn {} 0 {}\n", p.x / 0.1, p.z / 0.1)));
         let corner = |v: &u32| format!(" {0}//{0}", v + 1);
         let hole = if_core::math::Point::new(0.1, 0.2, 0.0);
-        let is_kept = |t: &&[u32; 3]| (tube.vertices()[t[0] as usize] - hole).norm() > 0.05;
+        let is_kept = |t: &&[u32; 3]| (tube.vertices()[t[0] as usize] - hole).norm() > 0.03;
         text.extend(
             tube.triangles()
                 .iter()

@@ -168,15 +168,9 @@ impl EditMesh {
 
     /// Area-weighted unit normal at the vertex that half-edge `h` leaves; zero if undefined.
     pub(crate) fn normal_at(&self, half_edges: &HalfEdges, h: u32) -> Vector {
-        unit_or_zero(&self.area_vector_at(half_edges, h))
-    }
-
-    /// Sum of the normals of the triangles at the vertex that half-edge `h` leaves, each with twice its
-    /// area as length.
-    pub(crate) fn area_vector_at(&self, half_edges: &HalfEdges, h: u32) -> Vector {
         let mut sum = Vector::zeros();
         half_edges.around(h, |h| sum += self.area_vector(h as usize / 3));
-        sum
+        unit_or_zero(&sum)
     }
 
     /// Mean length of the edges at the vertex that half-edge `h` leaves, in metres.
