@@ -43,8 +43,9 @@ use std::collections::BTreeSet;
 const REACHES: [Real; 3] = [1.0, 2.0, 3.0];
 /// Maximum number of ways that are tried for a group of contours, beside one for each contour.
 const TRIES: usize = 12;
-/// Maximum work for a garment, in rounds times free vertices, and pairs held apart where these are far more: bounds the time for garments that are
-/// tangled all over, a second or two. The garments of the test data take less than half of it.
+/// Maximum work for a garment, in rounds times free vertices, and pairs held apart where these are far more: bounds
+/// the time for garments that are tangled all over, a second or two. The garments of the test data take less than half
+/// of it.
 const WORK: usize = 300_000;
 /// Maximum vertices of a garment times groups of contours that are tried: bounds the time for those with very
 /// many, as of sequins. A garment of 10,000 vertices may have 10,000 groups.

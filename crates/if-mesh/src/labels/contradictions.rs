@@ -13,7 +13,7 @@ use rayon::prelude::*;
 use std::borrow::Cow;
 
 /// Least sum of the other frames' votes for a label, and so at least two frames, to contradict one.
-pub(super) const SURE: Real = 1.0;
+const SURE: Real = 1.0;
 /// A frame calls one label another if it does so with more than this share of what it sees of it.
 pub(super) const MOST: Real = 0.5;
 /// And if at least this share of its votes for the other label are of that: what is so little seen may

@@ -45,10 +45,8 @@ struct Minority {
     doubted: [bool; 2],
 }
 
-/// Takes the votes of sides that are wrong for neither label of the pair, and returns which: half of each is
-/// given to either label. `vertices` is the number of vertices.
-///
-/// Without them the cloth would count as not seen.
+/// Gives half of each doubted vote of a side that is wrong to either label of the pair, and returns which were
+/// doubted: without any vote the cloth would count as not seen. `vertices` is the number of vertices.
 pub(super) fn withdraw_minorities(
     frames: &mut [FrameVotes],
     vertices: usize,
