@@ -498,6 +498,10 @@ fn told(
             format!("rms {}", mm(report.error.center_rms)),
         ),
     ];
+    if report.moved_back > 0 {
+        let why = "so that no triangles meet".to_owned();
+        done.push(("vertices moved back", count(report.moved_back), why));
+    }
     if let Some(apart) = apart {
         let largest = format!("mean; largest {:.3}", apart.hausdorff_mm);
         done.push(("distance of the meshes, mm", format!("{:.4}", apart.chamfer_mm), largest));

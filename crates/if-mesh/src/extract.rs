@@ -14,6 +14,7 @@
 //! in the order of the lattice, and are those of the dense lattice.
 
 mod accuracy;
+mod apart;
 mod attempt;
 mod budget;
 mod cases;

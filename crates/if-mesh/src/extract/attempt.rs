@@ -1,5 +1,6 @@
 //! One extraction, with cells of one size.
 
+use crate::extract::apart::apart;
 use crate::extract::budget::Budget;
 use crate::extract::error::ExtractError;
 use crate::extract::lattice::{Lattice, MAX_CELLS};
@@ -85,18 +86,20 @@ pub(super) fn attempt(
         check::near_sheets(&mesh, &polished.samples, &crossings.neighbours_on_lines(), &lattice);
     warnings.extend(near.warning());
     let skipped = 1.0 - refined.cells.count() as Real / lattice.volume();
-    drop((edges, crossed));
+    drop(crossed);
 
+    let mut earlier = Vec::new();
     let mesh = if params.relax > 0 {
         let rounds = RelaxParams { rounds: params.relax, ..RelaxParams::default() };
         let region = lattice.aabb().inflated(cell);
         let relaxed =
             relax_within(&mesh, field, &rounds, Some(&region), |n| budget.evaluated("relax", n))?;
-        // Where triangles reach from one sheet to the other, relaxing may let them meet.
-        if near.within(cell) { check::without_new_intersections(&mesh, relaxed) } else { relaxed }
+        earlier = mesh.vertices().to_vec();
+        relaxed
     } else {
         mesh
     };
+    let (mesh, moved_back) = apart(mesh, &earlier, (&lattice, &edges), field, budget)?;
     (evaluations.relax, seconds.relax) = (count(budget), lap());
 
     let error = check::error_estimate(field, &mesh, params, budget)?;
@@ -110,6 +113,7 @@ pub(super) fn attempt(
         evaluations,
         skipped,
         error,
+        moved_back,
         attempts: Vec::new(),
         warnings,
         seconds,

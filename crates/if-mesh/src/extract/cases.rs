@@ -64,19 +64,34 @@ fn triangles(inside: u8) -> Vec<[u8; 3]> {
     out
 }
 
+/// The longest loop, of which long diagonals let triangles cross where vertices lie near the ends of
+/// their edges.
+const LONGEST: usize = 7;
+
 /// Fills the part `from ..= to` of a loop, closed by the diagonal between its ends, with as few
-/// diagonals in sides of the cube as can be; returns their number.
-fn fill(cycle: &[u8], from: usize, to: usize, out: &mut Vec<[u8; 3]>) -> usize {
+/// diagonals in sides of the cube as can be, and in the longest loops with short ones; returns their number
+/// and the sum of their squared lengths.
+fn fill(cycle: &[u8], from: usize, to: usize, out: &mut Vec<[u8; 3]>) -> (usize, usize) {
     if to - from < 2 {
-        return 0;
+        return (0, 0);
     }
-    let mut best: Option<(usize, Vec<[u8; 3]>)> = None;
+    let diagonal = |i: usize, j: usize| {
+        if j - i == 1 {
+            return (0, 0);
+        }
+        let (a, b) = (cycle[i], cycle[j]);
+        (usize::from(share_a_side(a, b)), if cycle.len() < LONGEST { 0 } else { apart(a, b) })
+    };
+    let mut best: Option<((usize, usize), Vec<[u8; 3]>)> = None;
     for middle in from + 1..to {
-        let diagonal =
-            |i: usize, j: usize| usize::from(j - i > 1 && share_a_side(cycle[i], cycle[j]));
         let mut part = vec![[cycle[from], cycle[middle], cycle[to]]];
-        let mut cost = diagonal(from, middle) + diagonal(middle, to);
-        cost += fill(cycle, from, middle, &mut part) + fill(cycle, middle, to, &mut part);
+        let costs = [
+            diagonal(from, middle),
+            diagonal(middle, to),
+            fill(cycle, from, middle, &mut part),
+            fill(cycle, middle, to, &mut part),
+        ];
+        let cost = costs.iter().fold((0, 0), |sum, c| (sum.0 + c.0, sum.1 + c.1));
         if best.as_ref().is_none_or(|b| cost < b.0) {
             best = Some((cost, part));
         }
@@ -86,9 +101,19 @@ fn fill(cycle: &[u8], from: usize, to: usize, out: &mut Vec<[u8; 3]>) -> usize {
     cost
 }
 
+/// Squared distance between the middles of two edges, in half edges.
+fn apart(a: u8, b: u8) -> usize {
+    let middle = |e: u8, k: u8| 2 * (e / 3 >> k & 1) + u8::from(e % 3 == k);
+    (0..3).map(|k| usize::from(middle(a, k).abs_diff(middle(b, k))).pow(2)).sum()
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::extract::polish::MARGIN;
+    use if_core::intersect::triangles_sharing;
+    use if_core::math::{Point, Real};
+    use if_core::random::SplitMix64;
     use std::collections::BTreeMap;
 
     #[test]
@@ -130,6 +155,36 @@ mod tests {
                     let crossed = (case >> corner & 1) != (case >> (corner | 1 << axis) & 1);
                     let used = triangles.iter().flatten().any(|e| *e == 3 * corner + axis);
                     assert_eq!(crossed, used, "case {case}: edge of corner {corner} along {axis}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn no_triangles_of_a_case_cross_wherever_the_vertices_lie_on_their_edges() {
+        let place = |e: u8, t: Real| {
+            let corner = e / 3;
+            let mut p = Point::from([0, 1, 2].map(|k| Real::from(corner >> k & 1)));
+            p[usize::from(e % 3)] += t;
+            p
+        };
+        let mut random = SplitMix64::new(3);
+        for (case, triangles) in CASES.iter().enumerate() {
+            for round in 0..200 {
+                let points: Vec<Point> = (0..24)
+                    .map(|e| {
+                        let t = random.unit();
+                        let end = if t < 0.5 { MARGIN } else { 1.0 - MARGIN };
+                        place(e, if round % 2 == 0 { end } else { t })
+                    })
+                    .collect();
+                let corners = |t: &[u8; 3]| t.map(|e| &points[usize::from(e)]);
+                for (k, a) in triangles.iter().enumerate() {
+                    for b in &triangles[..k] {
+                        let (ia, ib) = (a.map(u32::from), b.map(u32::from));
+                        let contact = triangles_sharing(corners(a), ia, corners(b), ib);
+                        assert!(!contact.is_some(), "case {case}: {a:?} and {b:?} {points:?}");
+                    }
                 }
             }
         }

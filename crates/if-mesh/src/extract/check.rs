@@ -4,14 +4,11 @@ use crate::extract::budget::Budget;
 use crate::extract::lattice::Lattice;
 use crate::extract::params::ExtractParams;
 use crate::extract::report::{ErrorEstimate, Warning};
-use crate::index::Bvh;
-use crate::intersections::own_pairs;
 use if_core::field::{FieldSample, SignedDistance};
 use if_core::math::{Point, Real, Vector, barycentric_point, unit_or_zero};
 use if_core::mesh::TriMesh;
 use if_core::monitor::Cancelled;
 use if_core::random::SplitMix64;
-use std::collections::HashSet;
 
 /// Maximum cosine between the normals of two sheets that face one another, or away from one another.
 /// On one smooth sheet two crossings of a lattice line within two cells have nearly the same normal
@@ -29,11 +26,6 @@ pub(super) struct NearSheets {
 impl NearSheets {
     pub(super) fn warning(&self) -> Option<Warning> {
         (self.pairs > 0).then_some(Warning::NearSheets { pairs: self.pairs, gap: self.gap })
-    }
-
-    /// Whether triangles as large as a cell reach from one sheet to the other.
-    pub(super) fn within(&self, cell: Real) -> bool {
-        self.gap < cell
     }
 }
 
@@ -57,26 +49,6 @@ pub(super) fn near_sheets(
         }
     }
     near
-}
-
-/// `relaxed`, with vertices moved back to their positions in `plain` until no triangles intersect
-/// that do not intersect there. Terminates, as vertices that were moved back stay.
-pub(super) fn without_new_intersections(plain: &TriMesh, relaxed: TriMesh) -> TriMesh {
-    let pairs = |mesh: &TriMesh| own_pairs(mesh, &Bvh::new(mesh));
-    let given: HashSet<[u32; 2]> = pairs(plain).iter().map(|p| [p.a, p.b]).collect();
-    let mut mesh = relaxed;
-    loop {
-        let mut vertices = mesh.vertices().to_vec();
-        let found = pairs(&mesh);
-        let fresh = found.iter().filter(|p| !given.contains(&[p.a, p.b])).flat_map(|p| [p.a, p.b]);
-        for v in fresh.flat_map(|t| mesh.triangles()[t as usize]) {
-            vertices[v as usize] = plain.vertices()[v as usize];
-        }
-        if vertices == mesh.vertices() {
-            return mesh;
-        }
-        mesh = mesh.with_vertices(vertices).expect("positions of one of two meshes");
-    }
 }
 
 /// Measures the error at vertices and triangle centres chosen by the seed.

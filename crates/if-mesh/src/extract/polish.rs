@@ -13,7 +13,7 @@ use rayon::prelude::*;
 /// that lies on the surface keep an area. At ten times more, vertices lie off a surface that Newton
 /// does not reach by a tenth of a cell; at ten times less, a cell of 1 cm has edges of 10 µm, which
 /// single precision keeps to 1 %.
-const MARGIN: Real = 0.01;
+pub(super) const MARGIN: Real = 0.01;
 
 /// A Newton step is at most this part of a cell long: a vertex stays nearer to its edge than to the
 /// next one.
@@ -31,7 +31,8 @@ pub(super) fn guess(lattice: &Lattice, edge: &Edge) -> Point {
     on_edge(lattice, edge, crossing(edge.values[0], edge.values[1]))
 }
 
-fn on_edge(lattice: &Lattice, edge: &Edge, t: Real) -> Point {
+/// The place on an edge at the part `t` of its length.
+pub(super) fn on_edge(lattice: &Lattice, edge: &Edge, t: Real) -> Point {
     let mut p = lattice.node(edge.node);
     p[usize::from(edge.axis)] += t * lattice.cell;
     p
@@ -80,12 +81,17 @@ fn secant_step(ends: [Real; 2], t: Real, value: Real) -> Real {
     if value.is_nan() {
         return t;
     }
-    let (low, high) = if (value < 0.0) == (ends[0] < 0.0) {
-        ((t, value), (1.0, ends[1]))
+    let ends = if (value < 0.0) == (ends[0] < 0.0) {
+        [(t, value), (1.0, ends[1])]
     } else {
-        ((0.0, ends[0]), (t, value))
+        [(0.0, ends[0]), (t, value)]
     };
-    (low.0 + (high.0 - low.0) * linear(low.1, high.1)).clamp(MARGIN, 1.0 - MARGIN)
+    secant(&ends).clamp(MARGIN, 1.0 - MARGIN)
+}
+
+/// The zero of the line between two places and their values.
+pub(super) fn secant(&[low, high]: &[(Real, Real); 2]) -> Real {
+    low.0 + (high.0 - low.0) * linear(low.1, high.1)
 }
 
 /// The zero of the linear function with values `a` at 0 and `b` at 1; 0.5 if it has none.

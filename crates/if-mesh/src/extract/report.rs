@@ -34,6 +34,9 @@ pub struct ExtractReport {
     pub skipped: Real,
     /// Distance of the mesh from the surface.
     pub error: ErrorEstimate,
+    /// Vertices that went back to their edges of the lattice, or are not relaxed, as triangles of near sheets
+    /// would meet otherwise: no two triangles of the mesh do.
+    pub moved_back: usize,
     /// With a requested accuracy: all attempts; the last one is this mesh.
     pub attempts: Vec<Attempt>,
     /// Limits of the result.
@@ -50,7 +53,7 @@ pub struct Evaluations {
     pub refine: usize,
     /// Vertices: secant steps, and Newton steps with gradient.
     pub polish: usize,
-    /// Vertices, with gradient.
+    /// Vertices, with gradient; those that go back to their edges, without.
     pub relax: usize,
     /// Points at which the error was measured, with gradient.
     pub check: usize,
@@ -128,8 +131,8 @@ pub enum Warning {
         /// Whether the region is inside.
         inside: bool,
     },
-    /// Two sheets that face one another are nearer than two cells: they are separate, but their
-    /// triangles may intersect.
+    /// Two sheets that face one another are nearer than two cells: they are separate, and their triangles do
+    /// not meet, but may lie farther from the surface.
     NearSheets {
         /// Pairs of vertices on lattice lines.
         pairs: usize,

@@ -49,7 +49,7 @@ impl RelaxParams {
 /// A shell thinner than its edges is extracted with holes, and a few vertices at their rims may
 /// change to the other sheet: one in 16,000 with the default step, up to three in 10,000 with a step
 /// of 1, on shells of a quarter to 0.9 of a cell. Triangles of two sheets may then intersect;
-/// [`extract`](crate::extract::extract) moves vertices of new intersections back, and its report
+/// [`extract`](crate::extract::extract) moves their vertices back, and its report
 /// warns of near and of unresolved sheets.
 ///
 /// # Errors
