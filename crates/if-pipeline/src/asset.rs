@@ -20,8 +20,8 @@ mod phi;
 mod thumbnail;
 
 pub use beside::Beside;
-pub(crate) use class::is_wearable;
 pub use class::{GarmentClass, LayerHint};
+pub(crate) use class::{is_wearable, least_openings};
 pub use error::AssetError;
 pub(crate) use info::files;
 pub use info::{AssetInfo, BodyRef, FileInfo, Opening, Phi, Provenance};

@@ -35,6 +35,7 @@ mod hull;
 mod lattice;
 mod lids;
 mod loose;
+mod mask_rim;
 mod motion;
 mod observe;
 mod params;

@@ -57,7 +57,7 @@ pub(super) fn summary(name: &str, report: &ReconstructReport, seconds: f64) -> S
     }
     for garment in &report.garments {
         text += &format!(
-            "  {}: {} triangles, {} openings{}, {} holes filled, {} left{}\n",
+            "  {}: {} triangles, {} openings{}, {} holes filled, {} left{}{}\n",
             garment.name,
             garment.triangles,
             garment.openings,
@@ -71,6 +71,10 @@ pub(super) fn summary(name: &str, report: &ReconstructReport, seconds: f64) -> S
             match garment.tunnels {
                 0 => String::new(),
                 n => format!(", {n} tunnels through it"),
+            },
+            match garment.own_pairs {
+                0 => String::new(),
+                n => format!(", {n} intersections with itself, for `ifg fix`"),
             }
         );
     }
@@ -130,6 +134,14 @@ pub(super) fn warnings(report: &ReconstructReport) -> Vec<String> {
             garment.name, garment.openings
         ))
     });
+    let torn = report.garments.iter().filter_map(|garment| {
+        let most = garment.most_openings.filter(|most| garment.openings > *most)?;
+        Some(format!(
+            "warning: {} has {} openings, a garment of that name at most {most}: it is torn; too little was seen of it, or poses, labels or masks are wrong",
+            garment.name, garment.openings
+        ))
+    });
+    let rims = rims(report.labels.masks_beyond_mm);
     let shown = |name: &String| report.labels.shown.get(name).copied().unwrap_or_default();
     let cut = report.garments.iter().filter_map(|garment| {
         let shown = shown(&garment.name);
@@ -156,9 +168,26 @@ pub(super) fn warnings(report: &ReconstructReport) -> Vec<String> {
         .chain(guessed)
         .chain(in_pieces)
         .chain(closed)
+        .chain(torn)
+        .chain(rims)
         .chain(cut)
         .chain(missing)
         .collect()
+}
+
+/// Whether masks and label images disagree about where the person ends. `None` if they do not.
+fn rims(masks_beyond_mm: f64) -> Option<String> {
+    (masks_beyond_mm.abs() > MOST_BEYOND_MM).then(|| {
+        let (where_to, what) = if masks_beyond_mm > 0.0 {
+            ("beyond", "too large")
+        } else {
+            ("less far than", "too small")
+        };
+        format!(
+            "warning: masks reach {:.1} mm {where_to} label images at the median of their rims: if the masks are {what}, so are the clothes",
+            masks_beyond_mm.abs()
+        )
+    })
 }
 
 /// What became of the poses, in a line.
@@ -306,6 +335,10 @@ const MOST_UNSEEN: f64 = 1.0 / 3.0;
 /// focal length is found within one per cent.
 const MOST_RESIZED: f64 = 5.0;
 
+/// How far masks and label images may disagree at the median of their rims, in millimetres: in pictures of 256
+/// pixels one is 7 mm, and makes clothes as much wider.
+const MOST_BEYOND_MM: f64 = 3.0;
+
 /// The share of the label images with a garment that show it at their edge from which on it is warned
 /// of: a sleeve may leave the picture now and then.
 const MOST_AT_EDGE: f64 = 0.75;
@@ -398,6 +431,28 @@ mod tests {
         );
         report.garments[0].openings = 3;
         assert!(warnings(&report).is_empty());
+        (report.garments[0].openings, report.garments[0].most_openings) = (5, Some(3));
+        let [torn] = &warnings(&report)[..] else { panic!("one warning") };
+        assert!(
+            torn.contains("5 openings, a garment of that name at most 3: it is torn"),
+            "{torn}"
+        );
+    }
+
+    #[test]
+    fn masks_that_do_not_fit_the_labels_are_told_and_own_intersections_counted() {
+        let mut report = trousers(4, 0);
+        report.labels.masks_beyond_mm = 2.0;
+        assert!(warnings(&report).is_empty());
+        for (beyond, expected) in [(6.8, "6.8 mm beyond label"), (-13.6, "13.6 mm less far than")] {
+            report.labels.masks_beyond_mm = beyond;
+            let [one] = &warnings(&report)[..] else { panic!("one warning") };
+            assert!(one.contains(expected), "{one}");
+        }
+        assert!(!summary("anna", &report, 1.0).contains("with itself"));
+        report.garments[0].own_pairs = 8;
+        let told = summary("anna", &report, 1.0);
+        assert!(told.contains("0 left, 8 intersections with itself, for `ifg fix`"), "{told}");
     }
 
     #[test]

@@ -87,9 +87,9 @@ pub struct Around {
 }
 
 impl Around {
-    /// Whether one of the lines leads through this loop: it passes more often one way through the fan
-    /// from the loop's centre than the other.
-    pub(super) fn leads_through(&self, corners: &[Point], center: &Point) -> bool {
+    /// Whether one of the lines leads through the loop with these corners: it passes more often one way through the
+    /// fan from its centre than the other.
+    pub fn leads_through(&self, corners: &[Point], center: &Point) -> bool {
         let lid = |k: usize| [center, &corners[k], &corners[(k + 1) % corners.len()]];
         let passages = |from: &Point, to: &Point| -> i32 {
             let through = (0..corners.len()).filter_map(|k| segment_triangle(from, to, lid(k)));

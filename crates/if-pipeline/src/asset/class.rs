@@ -58,11 +58,13 @@ pub struct LayerHint {
 
 /// Words in names, with class and order. The first match counts, so that `suit_trousers` are trousers
 /// and a `cardigan` is not a `coat`.
-const WORDS: [(&str, GarmentClass, u8); 26] = [
+const WORDS: [(&str, GarmentClass, u8); 38] = [
     ("trousers", GarmentClass::Legs, 0),
     ("pants", GarmentClass::Legs, 0),
     ("jeans", GarmentClass::Legs, 0),
     ("leggings", GarmentClass::Legs, 0),
+    ("tights", GarmentClass::Legs, 0),
+    ("johns", GarmentClass::Legs, 0),
     ("shorts", GarmentClass::Legs, 0),
     ("skirt", GarmentClass::Skirt, 0),
     ("dress", GarmentClass::Dress, 0),
@@ -72,26 +74,67 @@ const WORDS: [(&str, GarmentClass, u8); 26] = [
     ("tshirt", GarmentClass::Top, 0),
     ("t-shirt", GarmentClass::Top, 0),
     ("tank", GarmentClass::Top, 0),
+    ("tunic", GarmentClass::Top, 1),
     ("blouse", GarmentClass::Top, 1),
     ("shirt", GarmentClass::Top, 1),
     ("sweater", GarmentClass::Top, 2),
     ("pullover", GarmentClass::Top, 2),
+    ("jumper", GarmentClass::Top, 2),
+    ("turtleneck", GarmentClass::Top, 2),
     ("hoodie", GarmentClass::Top, 2),
     ("cardigan", GarmentClass::Outer, 0),
     ("vest", GarmentClass::Outer, 0),
+    ("gilet", GarmentClass::Outer, 0),
+    ("waistcoat", GarmentClass::Outer, 0),
     ("blazer", GarmentClass::Outer, 1),
     ("jacket", GarmentClass::Outer, 1),
     ("parka", GarmentClass::Outer, 2),
     ("coat", GarmentClass::Outer, 2),
     ("cape", GarmentClass::Outer, 3),
     ("cloak", GarmentClass::Outer, 3),
+    ("poncho", GarmentClass::Outer, 3),
+    ("longsleeve", GarmentClass::Top, 0),
+    ("long-sleeve", GarmentClass::Top, 0),
+    ("long_sleeve", GarmentClass::Top, 0),
+    // As parsers of pictures call shirts and sweaters.
+    ("upper", GarmentClass::Top, 1),
 ];
+
+/// Words that are parts of others, and count alone, if none of the words above is in the name.
+const WHOLE_WORDS: [(&str, GarmentClass, u8); 3] =
+    [("tee", GarmentClass::Top, 0), ("top", GarmentClass::Top, 0), ("polo", GarmentClass::Top, 1)];
+
+/// Words in names of tops that are closed in front.
+const CLOSED: [&str; 11] = [
+    "undershirt",
+    "sweatshirt",
+    "tshirt",
+    "t-shirt",
+    "tank",
+    "longsleeve",
+    "long-sleeve",
+    "long_sleeve",
+    "sweater",
+    "pullover",
+    "turtleneck",
+];
+
+/// Smallest number of openings of a garment of this name ([`GarmentClass::least_openings`]); of a T-shirt, which is
+/// closed in front, all.
+pub(crate) fn least_openings(name: &str) -> Option<usize> {
+    let class = LayerHint::of_name(name).class;
+    let name = name.to_ascii_lowercase();
+    let is_closed = class == GarmentClass::Top && CLOSED.iter().any(|word| name.contains(word));
+    if is_closed { class.most_openings() } else { class.least_openings() }
+}
 
 impl LayerHint {
     /// The hint of an English name; [`GarmentClass::Other`] if no word matches.
     pub fn of_name(name: &str) -> Self {
         let name = name.to_ascii_lowercase();
+        let is_word = |word| name.split(|c: char| !c.is_alphabetic()).any(|part| part == word);
         let found = WORDS.iter().find(|(word, ..)| name.contains(word));
+        let found = found.or_else(|| WHOLE_WORDS.iter().find(|(word, ..)| is_word(*word)));
         found.map_or(Self::default(), |(_, class, order)| Self { class: *class, order: *order })
     }
 
@@ -132,6 +175,21 @@ mod tests {
         assert_eq!(of("newton_shirt"), (GarmentClass::Top, 1));
         assert_eq!(of("flared_skirt"), (GarmentClass::Skirt, 0));
         assert_eq!(of("thing"), (GarmentClass::Other, 0));
+        assert_eq!(
+            (of("tee_m4"), of("Crop Top")),
+            ((GarmentClass::Top, 0), (GarmentClass::Top, 0))
+        );
+        assert_eq!(
+            (of("steel"), of("Upper-clothes").0),
+            ((GarmentClass::Other, 0), GarmentClass::Top)
+        );
+        assert_eq!((of("long_johns").0, of("gilet").0), (GarmentClass::Legs, GarmentClass::Outer));
+    }
+
+    #[test]
+    fn a_top_that_is_closed_in_front_has_four_openings() {
+        let least = ["tshirt", "Sweater", "blouse", "coat", "skirt", "thing"].map(least_openings);
+        assert_eq!(least, [Some(4), Some(4), Some(3), Some(3), Some(1), None]);
     }
 
     #[test]

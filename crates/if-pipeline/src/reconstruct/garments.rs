@@ -4,6 +4,7 @@ use super::error::ReconstructError;
 use super::frames::posed;
 use super::hems;
 use super::lids;
+use super::mask_rim::MaskRims;
 use super::motion::MeshMotion;
 use super::progress;
 use super::shown::{LabelShown, Shown};
@@ -96,6 +97,9 @@ pub struct Garments {
     pub votes: VoteReport,
     /// How the label images that were read show each label of the capture.
     pub shown: Vec<LabelShown>,
+    /// How far masks reach beyond the label images that were read, the median, in metres at the person; negative
+    /// where they fall short of them.
+    pub masks_beyond: Real,
     /// The garments in the order of the capture, inner to outer, without the missing ones.
     pub garments: Vec<Garment>,
     /// Garments that no frame shows, or so little of them that it is no garment.
@@ -167,6 +171,7 @@ pub fn find_garments(
 
     // Each frame that adds information votes with its label image.
     let mut voter = Voter::new(mesh, capture.labels().len(), &params.votes)?;
+    let mut rims = MaskRims::default();
     let mut shown = Shown::nothing(mesh.vertices().len(), capture.labels().len(), capture.camera());
     let frames: Vec<usize> = Skipped::others(skipped, capture).collect();
     for &frame in &frames {
@@ -180,6 +185,7 @@ pub fn find_garments(
             let labels = capture.label_image(frame)?;
             voter.cast(&labels).map_err(vote)?;
             shown.add_labels(&labels);
+            rims.add(capture.camera(), &at, (&capture.mask(frame)?, &labels));
         }
     }
 
@@ -202,7 +208,9 @@ pub fn find_garments(
     let pieces = cut(mesh, &scores, &params.cut)?;
     let attributes = VertexAttributes::new(mesh.vertices().len(), skin.to_properties())?;
     let (votes, shown) = (vote_report, shown.labels());
-    let mut found = Garments { labels, votes, shown, garments: Vec::new(), missing: Vec::new() };
+    let masks_beyond = rims.median();
+    let (garments, missing) = (Vec::new(), Vec::new());
+    let mut found = Garments { labels, votes, shown, masks_beyond, garments, missing };
     for (k, name) in capture.garments().iter().enumerate() {
         report(monitor, capture.len() + k)?;
         let label = FIRST_GARMENT + k as u8;
@@ -212,7 +220,7 @@ pub fn find_garments(
                 let carried = attributes.derive(&sources(piece));
                 let is_seen = |of: &Origin| of.vertices.iter().any(|v| seen[*v as usize]);
                 let seen: Vec<bool> = piece.origins.iter().map(is_seen).collect();
-                let without = struts::removed(&piece.mesh, &seen);
+                let without = struts::removed(&piece.mesh, &seen, &limbs(skeleton));
                 let mesh = without.as_ref().unwrap_or(&piece.mesh);
                 cleaned((name, label), person, (mesh, &carried), &params.cleanup, monitor)?
             }

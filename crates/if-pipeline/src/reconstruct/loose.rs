@@ -5,6 +5,7 @@ use super::distance_image::DistanceImage;
 use super::lattice::Lattice;
 use super::observe::Observation;
 use super::projection::{in_camera, pixels_per_metre};
+use crate::asset::{GarmentClass, LayerHint};
 use crate::capture::FIRST_GARMENT;
 use if_body::skinning::{Affine, WeightGrid, blends, pose_points};
 use if_body::{Skeleton, SkinWeights};
@@ -147,18 +148,21 @@ impl<'a> View<'a> {
     }
 }
 
-/// The labels of loose garments: those of a large share of the pixels far from the template.
-pub(super) fn loose_labels(views: &[View], labels: usize) -> Vec<bool> {
-    let mut counts = vec![0usize; labels];
+/// The labels of loose garments: those of a large share of the pixels far from the template. Trousers are none
+/// by their name: masks that are a pixel too large close the gap between their legs.
+pub(super) fn loose_labels(views: &[View], labels: &[String]) -> Vec<bool> {
+    let mut counts = vec![0usize; labels.len()];
     for view in views {
         for (i, label) in view.labels.iter().enumerate() {
             counts[usize::from(*label)] += usize::from(view.is_beside(i));
         }
     }
-    let first = usize::from(FIRST_GARMENT).min(labels);
+    let first = usize::from(FIRST_GARMENT).min(labels.len());
     let all: usize = counts[first..].iter().sum();
-    let enough =
-        |(k, n): (usize, &usize)| k >= first && *n > 0 && *n as Real >= LOOSE * all as Real;
+    let spans_legs = |name: &str| LayerHint::of_name(name).class != GarmentClass::Legs;
+    let enough = |(k, n): (usize, &usize)| {
+        k >= first && *n > 0 && *n as Real >= LOOSE * all as Real && spans_legs(&labels[k])
+    };
     counts.iter().enumerate().map(enough).collect()
 }
 
@@ -621,8 +625,12 @@ mod tests {
         };
         // Skin is not a garment, label 3 has one pixel of five, label 4 is in front of the template.
         let views = [view(vec![1, 2, 2, 2, 2, 3, 4, 4]), view(vec![1, 2, 2, 2, 2, 0, 4, 4])];
-        assert_eq!(loose_labels(&views, 5), [false, false, true, false, false]);
-        assert_eq!(loose_labels(&views[..1], 5), [false, false, true, true, false]);
-        assert_eq!(loose_labels(&[view(vec![1; 8])], 2), [false, false]);
+        let names = ["background", "skin", "skirt", "coat", "tshirt"].map(String::from);
+        assert_eq!(loose_labels(&views, &names), [false, false, true, false, false]);
+        assert_eq!(loose_labels(&views[..1], &names), [false, false, true, true, false]);
+        assert_eq!(loose_labels(&[view(vec![1; 8])], &names[..2]), [false, false]);
+        // Trousers have two legs.
+        let names = ["background", "skin", "trousers", "coat", "tshirt"].map(String::from);
+        assert_eq!(loose_labels(&views[..1], &names), [false, false, false, true, false]);
     }
 }

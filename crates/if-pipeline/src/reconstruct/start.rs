@@ -126,7 +126,7 @@ fn fill_loose(
             view.labels = labels?;
         }
     }
-    let loose = loose_labels(views, capture.labels().len());
+    let loose = loose_labels(views, capture.labels());
     if !loose.contains(&true) {
         return Ok((beside, None));
     }

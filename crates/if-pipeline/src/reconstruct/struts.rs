@@ -2,8 +2,9 @@
 //! as a lattice that hangs at the cloth.
 
 use if_core::edges::{Edges, part_count, parts_by_edges};
-use if_core::math::{Real, area_vector};
+use if_core::math::{Point, Real, Vector, area_vector};
 use if_core::mesh::TriMesh;
+use if_mesh::cleanup::Around;
 use std::collections::BTreeMap;
 
 /// Area of an unseen patch for each tunnel through it up to which it is a lattice, in square metres: 7 cm
@@ -24,8 +25,10 @@ pub(super) fn tunnels(mesh: &TriMesh) -> usize {
     twice / 2
 }
 
-/// The piece of a garment without the patches between unseen vertices that are lattices; `None` if none is.
-pub(super) fn removed(piece: &TriMesh, seen: &[bool]) -> Option<TriMesh> {
+/// The piece of a garment without the patches between unseen vertices that are lattices; `None` if none is. What one
+/// of the `lines` leads through, as an arm through a cuff, remains: where the lattice reaches that far, all but its
+/// end there goes.
+pub(super) fn removed(piece: &TriMesh, seen: &[bool], lines: &[Vec<Point>]) -> Option<TriMesh> {
     let mut left = tunnels(piece);
     if left == 0 {
         return None;
@@ -46,20 +49,97 @@ pub(super) fn removed(piece: &TriMesh, seen: &[bool]) -> Option<TriMesh> {
         let rest = triangles.iter().zip(kept).filter(|(_, kept)| **kept).map(|(t, _)| *t);
         TriMesh::new(piece.vertices().to_vec(), rest.collect()).expect("a part of a mesh")
     };
+    let ends = Ends::new(piece, lines);
     for patch in patches.iter().take(PATCHES) {
-        let area: Real = patch.iter().map(|k| area(piece, *k)).sum();
-        if area > LATTICE * left as Real {
-            continue; // however many tunnels lead through it
-        }
-        patch.iter().for_each(|k| kept[*k] = false);
-        let fewer = left.saturating_sub(tunnels(&of(&kept)));
-        if fewer > 0 && area <= LATTICE * fewer as Real {
-            left -= fewer;
-        } else {
-            patch.iter().for_each(|k| kept[*k] = true);
+        let away: Vec<usize> = patch.iter().copied().filter(|k| !ends.is_near(*k)).collect();
+        for part in [patch, &away] {
+            let area: Real = part.iter().map(|k| area(piece, *k)).sum();
+            if area > LATTICE * left as Real {
+                continue; // however many tunnels lead through it
+            }
+            part.iter().for_each(|k| kept[*k] = false);
+            let rest = of(&kept);
+            let fewer = left.saturating_sub(tunnels(&rest));
+            if fewer > 0 && area <= LATTICE * fewer as Real && ends.remain(&rest) {
+                left -= fewer;
+                break;
+            }
+            part.iter().for_each(|k| kept[*k] = true);
         }
     }
     kept.contains(&false).then(|| of(&kept))
+}
+
+/// Rings of triangles about the ends of a garment that count as near them: 2 to 3 cm.
+const RINGS: usize = 4;
+/// How much longer what a limb leads through may become.
+const LONGER: Real = 1.15;
+
+/// The ends of a garment: loops that a limb, the head or the trunk leads through.
+struct Ends<'a> {
+    lines: &'a [Vec<Point>],
+    /// The length of the loops that each line leads through, in metres.
+    lengths: Vec<Real>,
+    /// Whether each triangle is near one of them.
+    near: Vec<bool>,
+}
+
+impl<'a> Ends<'a> {
+    fn new(piece: &TriMesh, lines: &'a [Vec<Point>]) -> Self {
+        let mut lengths = vec![0.0; lines.len()];
+        let mut vertices = vec![false; piece.vertices().len()];
+        for (k, walk) in loops_about(piece, lines) {
+            lengths[k] += length(piece, &walk);
+            walk.iter().for_each(|v| vertices[*v as usize] = true);
+        }
+        let mut near = vec![false; piece.triangles().len()];
+        for _ in 0..RINGS {
+            for (near, t) in near.iter_mut().zip(piece.triangles()) {
+                *near |= t.iter().any(|v| vertices[*v as usize]);
+            }
+            let ring = piece.triangles().iter().zip(&near).filter(|(_, near)| **near);
+            ring.flat_map(|(t, _)| t).for_each(|v| vertices[*v as usize] = true);
+        }
+        Self { lines, lengths, near }
+    }
+
+    fn is_near(&self, triangle: usize) -> bool {
+        self.near[triangle]
+    }
+
+    /// Whether the lines lead through as much in `rest`, which is a part of the piece, as in all of it.
+    fn remain(&self, rest: &TriMesh) -> bool {
+        let mut lengths = vec![0.0; self.lines.len()];
+        for (k, walk) in loops_about(rest, self.lines) {
+            lengths[k] += length(rest, &walk);
+        }
+        let are_equal =
+            |(now, then): (&Real, &Real)| (*now > 0.0) == (*then > 0.0) && *now <= LONGER * then;
+        lengths.iter().zip(&self.lengths).all(are_equal)
+    }
+}
+
+/// The boundary loops that lines lead through, each with the index of the line.
+fn loops_about<'a>(
+    mesh: &'a TriMesh,
+    lines: &'a [Vec<Point>],
+) -> impl Iterator<Item = (usize, Vec<u32>)> + 'a {
+    let loops = Edges::new(mesh).boundary_loops(mesh);
+    let about = |line: &Vec<Point>| Around { lines: vec![line.clone()], count: 0 };
+    let lines: Vec<Around> = lines.iter().map(about).collect();
+    loops.into_iter().flat_map(move |walk| {
+        let corners: Vec<Point> = walk.iter().map(|v| mesh.vertices()[*v as usize]).collect();
+        let sum = corners.iter().fold(Vector::zeros(), |sum, p| sum + p.coords);
+        let middle = Point::from(sum / corners.len() as Real);
+        let through = |k: &usize| lines[*k].leads_through(&corners, &middle);
+        let led: Vec<usize> = (0..lines.len()).filter(through).collect();
+        led.into_iter().map(move |k| (k, walk.clone()))
+    })
+}
+
+fn length(mesh: &TriMesh, walk: &[u32]) -> Real {
+    let x = |k: usize| mesh.vertices()[walk[k % walk.len()] as usize];
+    (0..walk.len()).map(|k| (x(k + 1) - x(k)).norm()).sum()
 }
 
 fn area(mesh: &TriMesh, triangle: usize) -> Real {
@@ -70,7 +150,6 @@ fn area(mesh: &TriMesh, triangle: usize) -> Real {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use if_core::math::{Point, Vector};
     use if_core::shapes::meshes::{icosphere, tube};
 
     #[test]
@@ -88,14 +167,14 @@ mod tests {
         assert_eq!((tunnels(&both), part_count(&both)), (1, 2));
     }
 
-    /// A square sheet of cells of 1 cm with two of them missing, and a tube from one hole to the other below it.
-    fn handle(n: u32) -> (TriMesh, u32) {
+    /// A square sheet of cells of 1 cm with two of a row missing, and a tube from one hole to the other below it.
+    fn handle(n: u32, row: u32) -> (TriMesh, u32) {
         let at = |i: u32, j: u32| j * (n + 1) + i;
         let grid = (0..=n).flat_map(|j| (0..=n).map(move |i| (i, j)));
         let place =
             |(i, j): (u32, u32)| Point::new(0.01 * Real::from(i), 0.0, 0.01 * Real::from(j));
         let mut vertices: Vec<Point> = grid.map(place).collect();
-        let holes = [(1, 1), (n - 2, 1)];
+        let holes = [(1, row), (n - 2, row)];
         let cells = (0..n).flat_map(|j| (0..n).map(move |i| (i, j)));
         let quad = |[a, b, c, d]: [u32; 4]| [[a, b, c], [a, c, d]];
         let corners = |(i, j): (u32, u32)| [at(i, j), at(i, j + 1), at(i + 1, j + 1), at(i + 1, j)];
@@ -123,16 +202,49 @@ mod tests {
 
     #[test]
     fn unseen_lattices_are_removed_and_wide_unseen_cloth_is_not() {
-        let (mesh, first) = handle(6);
+        let (mesh, first) = handle(6, 1);
         assert_eq!(tunnels(&mesh), 1);
         let seen: Vec<bool> = (0..mesh.vertices().len() as u32).map(|v| v < first).collect();
-        let rest = removed(&mesh, &seen).expect("a handle");
+        let rest = removed(&mesh, &seen, &[]).expect("a handle");
         assert_eq!(tunnels(&rest), 0);
         assert!(rest.triangles().len() < mesh.triangles().len());
-        assert_eq!(removed(&mesh, &vec![true; seen.len()]), None, "frames see it");
-        assert_eq!(removed(&rest, &seen), None, "no tunnel");
+        assert_eq!(removed(&mesh, &vec![true; seen.len()], &[]), None, "frames see it");
+        assert_eq!(removed(&rest, &seen, &[]), None, "no tunnel");
         // Twenty times as large it is cloth.
         let large = mesh.with_vertices(mesh.vertices().iter().map(|p| p * 20.0).collect()).unwrap();
-        assert_eq!(removed(&large, &seen), None);
+        assert_eq!(removed(&large, &seen, &[]), None);
+    }
+
+    #[test]
+    fn a_lattice_that_reaches_a_cuff_does_not_take_it_along() {
+        // A sheet with the handle, bent round an arm so that a side of it is a cuff beside the handle.
+        let (n, row, radius) = (40, 8, 0.05);
+        let (mesh, first) = handle(n, row);
+        let around = |p: &Point| {
+            let angle = p.x / (0.01 * Real::from(n)) * std::f64::consts::TAU;
+            let r = radius + p.y;
+            Point::new(p.z, r * angle.cos(), r * angle.sin())
+        };
+        // The sides that meet are the same vertices.
+        let last = n + 1;
+        let same = |v: u32| if v < last * last && v % last == n { v - n } else { v };
+        let bent = mesh.vertices().iter().map(around).collect();
+        let triangles = mesh.triangles().iter().map(|t| t.map(same)).collect();
+        let sleeve = TriMesh::new(bent, triangles).unwrap();
+        assert_eq!(tunnels(&sleeve), 1);
+        let arm = vec![vec![Point::new(1.0, 0.0, 0.0), Point::new(-1.0, 0.0, 0.0)]];
+        let cuff = |mesh: &TriMesh| -> Vec<Real> {
+            loops_about(mesh, &arm).map(|(_, walk)| length(mesh, &walk)).collect()
+        };
+        let whole = cuff(&sleeve);
+        assert_eq!(whole.len(), 2, "cuff and armhole");
+        // No frame sees the handle and what lies between it and the cuff.
+        let seen: Vec<bool> = (0..sleeve.vertices().len() as u32)
+            .map(|v| v < first && !(v <= row * last + 2 && (1..=2).contains(&(v % last))))
+            .collect();
+        let rest = removed(&sleeve, &seen, &arm).expect("the handle");
+        assert_eq!((tunnels(&rest), cuff(&rest)), (0, whole));
+        let torn = removed(&sleeve, &seen, &[]).expect("the handle and a part of the cuff");
+        assert_ne!(cuff(&torn), cuff(&rest));
     }
 }

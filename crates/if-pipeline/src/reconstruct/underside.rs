@@ -53,16 +53,18 @@ impl Underside {
         capture: &Capture,
         (mesh, skin): (&TriMesh, &SkinWeights),
     ) -> Result<Option<Self>, ReconstructError> {
-        if surface.report.start.filled.is_none() {
-            return Ok(None);
-        }
+        let Some(filled) = &surface.report.start.filled else { return Ok(None) };
         let near = carried_to(&template.mesh, &template.skin, mesh.vertices());
         let frames: Vec<usize> = Skipped::others(&surface.report.skipped, capture).collect();
         let unseen = UNSEEN.min(UNSEEN_SHARE * frames.len() as Real);
         let normals = mesh.vertex_normals();
         let looks = looks((capture, &frames), &template.skeleton, (mesh, &normals), skin)?;
         let is_looked_at = |v: usize| normals[v].y.abs() > LYING || looks[v] >= LOOKED_AT * unseen;
-        let spanned = near.iter().enumerate().map(|(v, (d, _))| *d > SPANNED && is_looked_at(v));
+        let about = about(&template.skeleton, &filled.joints);
+        let hangs = |v: usize| about[usize::from(strongest(skin, v))];
+        let is_spanned =
+            |(v, (d, _)): (usize, &(Real, _))| *d > SPANNED && hangs(v) && is_looked_at(v);
+        let spanned = near.iter().enumerate().map(is_spanned);
         Ok(Some(Self { spanned: spanned.collect(), unseen }))
     }
 
@@ -75,6 +77,24 @@ impl Underside {
         }
         votes
     }
+}
+
+/// Whether clothes that hang about the joints with these `names` hang about each joint: about those and their
+/// parents. The lower side of a sleeve is no underside of a coat that hangs about the legs.
+fn about(skeleton: &Skeleton, names: &[String]) -> Vec<bool> {
+    let joints = skeleton.joints();
+    let mut about: Vec<bool> = joints.iter().map(|joint| names.contains(&joint.name)).collect();
+    let parents =
+        joints.iter().filter(|joint| names.contains(&joint.name)).filter_map(|j| j.parent);
+    parents.for_each(|parent| about[parent] = true);
+    about
+}
+
+/// The joint that moves a vertex most.
+fn strongest(skin: &SkinWeights, v: usize) -> u16 {
+    let (joints, weights) = (skin.joints()[v], skin.weights()[v]);
+    let k = (0..4).fold(0, |best, k| if weights[k] > weights[best] { k } else { best });
+    joints[k]
 }
 
 /// The votes that these frames would give each vertex if nothing hid it: squared cosines between its normal and

@@ -257,7 +257,7 @@ pub fn reconstruct(
         underside: underside.as_ref(),
         skipped: &surface.report.skipped,
     };
-    let Garments { labels, votes, shown, mut garments, missing } =
+    let Garments { labels, votes, shown, masks_beyond, mut garments, missing } =
         find_garments(capture, &person, &params.garments, monitor)?;
     lap.end(&mut seconds.garments);
 
@@ -276,7 +276,7 @@ pub fn reconstruct(
         fields: trained.as_ref().map(|(fields, _)| fields.report.clone()),
         vertices: mesh.vertices().len(),
         triangles: mesh.triangles().len(),
-        labels: LabelReport::of(&votes, shown, capture),
+        labels: LabelReport::of(&votes, (shown, masks_beyond), capture),
         motion: motion.as_ref().map(|m| m.motion().report.clone()),
         motion_network: motion_network.as_ref().map(|n| n.report),
         phi: phi.as_ref().map(|p| p.report),

@@ -8,16 +8,18 @@ use super::poses::PoseReport;
 use super::report::SurfaceReport;
 use super::shown::LabelShown;
 use super::struts::tunnels;
-use crate::asset::LayerHint;
+use crate::asset::{LayerHint, least_openings};
 use crate::capture::Capture;
 use if_core::edges::part_count;
 use if_core::math::Real;
+use if_mesh::index::Bvh;
+use if_mesh::intersections::own_pairs;
 use if_mesh::labels::{Contradiction, VoteReport};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
 /// Votes of the label images.
-#[derive(Clone, Debug, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Default, Serialize, Deserialize)]
 #[non_exhaustive]
 pub struct LabelReport {
     /// Frames whose pixels voted.
@@ -38,6 +40,9 @@ pub struct LabelReport {
     /// How the label images that were read show each label, by its name.
     #[serde(default)]
     pub shown: BTreeMap<String, LabelShown>,
+    /// How far masks reach beyond the label images, the median along their rims, in millimetres at the person.
+    #[serde(default)]
+    pub masks_beyond_mm: Real,
 }
 
 /// A frame that takes most of what it sees of a label for another one.
@@ -71,7 +76,7 @@ pub struct GarmentReport {
     pub openings: usize,
     /// Largest number of openings for its class, if the name determines the class.
     pub most_openings: Option<usize>,
-    /// Smallest number of openings of its class: open in front. `None` if unknown.
+    /// Smallest number of openings by its name: a jacket may be open in front. `None` if unknown.
     pub least_openings: Option<usize>,
     /// Holes that were filled.
     pub filled: usize,
@@ -85,10 +90,17 @@ pub struct GarmentReport {
     /// Tunnels through it, as between struts: its genus.
     #[serde(default)]
     pub tunnels: usize,
+    /// Pairs of its triangles that intersect.
+    #[serde(default)]
+    pub own_pairs: usize,
 }
 
 impl LabelReport {
-    pub(super) fn of(votes: &VoteReport, shown: Vec<LabelShown>, capture: &Capture) -> Self {
+    pub(super) fn of(
+        votes: &VoteReport,
+        (shown, masks_beyond): (Vec<LabelShown>, Real),
+        capture: &Capture,
+    ) -> Self {
         let name = |label: u8| capture.labels()[usize::from(label)].clone();
         let named = |c: &Contradiction| LabelContradiction {
             frame: capture.number(c.frame),
@@ -104,6 +116,7 @@ impl LabelReport {
             mute: votes.mute,
             contradictions: votes.contradictions.iter().map(named).collect(),
             shown: capture.labels().iter().cloned().zip(shown).collect(),
+            masks_beyond_mm: 1e3 * masks_beyond,
         }
     }
 }
@@ -130,21 +143,22 @@ impl ReconstructReport {
 impl GarmentReport {
     pub(super) fn of(garment: &Garment) -> Self {
         let clean = &garment.cleanup;
-        let class = LayerHint::of_name(&garment.name).class;
+        let (class, mesh) = (LayerHint::of_name(&garment.name).class, &garment.mesh);
         Self {
             name: garment.name.clone(),
-            vertices: garment.mesh.vertices().len(),
-            triangles: garment.mesh.triangles().len(),
-            area: garment.mesh.area(),
+            vertices: mesh.vertices().len(),
+            triangles: mesh.triangles().len(),
+            area: mesh.area(),
             unseen: garment.unseen,
             openings: clean.holes.openings.len(),
             most_openings: class.most_openings(),
-            least_openings: class.least_openings(),
+            least_openings: least_openings(&garment.name),
             filled: clean.holes.filled.len(),
             holes_left: clean.holes.left.len(),
             dropped: clean.components.dropped.len(),
-            pieces: part_count(&garment.mesh),
-            tunnels: tunnels(&garment.mesh),
+            pieces: part_count(mesh),
+            tunnels: tunnels(mesh),
+            own_pairs: own_pairs(mesh, &Bvh::new(mesh)).len(),
         }
     }
 }
