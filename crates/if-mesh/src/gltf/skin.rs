@@ -137,6 +137,7 @@ impl Data<'_> {
                 None => *world,
             });
         }
+        let common = common(&joints, &placed.world);
         let accessor = self.primitive(at).attributes.get("WEIGHTS_0").copied().unwrap_or_default();
         let mut slots: Vec<(usize, Real)> = Vec::new();
         let blend = |element: usize| {
@@ -151,7 +152,8 @@ impl Data<'_> {
                 map.shift += joints[joint].shift * weight;
                 sum += weight;
             }
-            let map = Affine { linear: map.linear / sum, shift: map.shift / sum };
+            let blend = Affine { linear: map.linear / sum, shift: map.shift / sum };
+            let map = common.unwrap_or(blend);
             let expected = "weights must not cancel, nor joints flatten space";
             let found = format!("a sum of weights of {sum}");
             let fault = ReadError::Value { accessor, element, expected, found };
@@ -159,4 +161,21 @@ impl Data<'_> {
         };
         (0..count).map(blend).collect()
     }
+}
+
+/// How far the maps of joints in the pose of binding differ, as files have them in single precision: relative to
+/// the largest distance of a joint from the origin.
+const ROUNDING: Real = 2e-6;
+
+/// The map of the first joint, if those of all are the same but for rounding, as in the pose of binding: the sides
+/// of a seam whose weights differ then stay together. `None` if they are not.
+fn common(joints: &[Affine], world: &[Affine]) -> Option<Affine> {
+    let first = joints.first().filter(|first| first.is_invertible())?;
+    let size = first.linear.amax();
+    let reach = world.iter().map(|joint| joint.shift.amax()).fold(0.0, Real::max);
+    let is_same = |joint: &Affine| {
+        (joint.linear - first.linear).amax() <= ROUNDING * size
+            && (joint.shift - first.shift).amax() <= ROUNDING * reach
+    };
+    joints.iter().all(is_same).then_some(*first)
 }

@@ -263,6 +263,40 @@ fn vertices_of_the_same_weights_in_another_order_lie_at_the_same_place() {
 }
 
 #[test]
+fn in_the_pose_of_binding_weights_do_not_matter() {
+    // Matrices of binding in single precision undo places of joints but for rounding.
+    let places = [[0.1, 0.9, 0.03], [0.3, 1.3, -0.07], [0.7, 1.1, 0.013]];
+    let vertices = |stretch: f64| {
+        let mut builder = Builder::new();
+        builder.square(0.0, json!({"skin": 0}));
+        let place = builder.floats("VEC3", 4, [[0.3, 1.2, 0.7]; 4].as_flattened());
+        let joints = builder.accessor("VEC4", 5121, 4, &[[0, 1, 2, 0]; 4].concat());
+        let weights = [[0.2, 0.3, 0.5, 0.0], [0.204, 0.296, 0.5, 0.0], [1.0, 0.0, 0.0, 0.0]];
+        let weights = [weights.as_flattened(), &[0.0, 0.0, 1.0, 0.0]].concat();
+        let weights = builder.floats("VEC4", 4, &weights);
+        let bind = places.map(|p: [f64; 3]| {
+            let [x, y, z] = p.map(|x| -x as f32);
+            [1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, x, y, z, 1.0]
+        });
+        let bind = builder.floats("MAT4", 3, bind.as_flattened());
+        let nodes =
+            places.map(|p| builder.node(json!({"translation": [p[0] * stretch, p[1], p[2]]})));
+        builder.document["skins"] = json!([{"joints": nodes, "inverseBindMatrices": bind}]);
+        let attributes = &mut builder.document["meshes"][0]["primitives"][0]["attributes"];
+        attributes["POSITION"] = json!(place);
+        attributes["JOINTS_0"] = json!(joints);
+        attributes["WEIGHTS_0"] = json!(weights);
+        builder.read().unwrap().mesh().vertices().to_vec()
+    };
+    let bound = vertices(1.0);
+    assert!(bound.iter().all(|p| *p == bound[0]), "{bound:?}");
+    assert!((bound[0] - Point::new(0.3, 1.2, 0.7)).norm() < 1e-7);
+    // Posed, however little, they do.
+    let posed = vertices(1.0001);
+    assert!((1..4).all(|k| posed[k] != posed[0]), "{posed:?}");
+}
+
+#[test]
 fn joints_are_numbered_as_in_the_one_list_of_skins() {
     let mut builder = Builder::new();
     builder.square(0.0, json!({}));

@@ -40,7 +40,8 @@ pub struct SynthParams {
     pub label_noise: Real,
     /// Noise of the outlines, from 0 to 1.
     pub mask_noise: Real,
-    /// Amplitude of the clothes' own motion along their normals, in metres, from 0 to 0.1.
+    /// Amplitude of the clothes' own motion along their normals, in metres, from 0 to 0.1. Inwards it is at most half
+    /// of the way to the body.
     pub nonrigid: Real,
     /// Error of the poses; that of `truth/poses.json` is zero.
     pub pose_noise: PoseSigma,

@@ -51,6 +51,9 @@ pub(super) fn removed(piece: &TriMesh, seen: &[bool], lines: &[Vec<Point>]) -> O
     };
     let ends = Ends::new(piece, lines);
     for patch in patches.iter().take(PATCHES) {
+        if left == 0 {
+            break;
+        }
         let away: Vec<usize> = patch.iter().copied().filter(|k| !ends.is_near(*k)).collect();
         for part in [patch, &away] {
             let area: Real = part.iter().map(|k| area(piece, *k)).sum();
@@ -78,18 +81,16 @@ const LONGER: Real = 1.15;
 /// The ends of a garment: loops that a limb, the head or the trunk leads through.
 struct Ends<'a> {
     lines: &'a [Vec<Point>],
-    /// The length of the loops that each line leads through, in metres.
-    lengths: Vec<Real>,
+    /// The lengths of the loops that each line leads through, in metres and ascending.
+    lengths: Vec<Vec<Real>>,
     /// Whether each triangle is near one of them.
     near: Vec<bool>,
 }
 
 impl<'a> Ends<'a> {
     fn new(piece: &TriMesh, lines: &'a [Vec<Point>]) -> Self {
-        let mut lengths = vec![0.0; lines.len()];
         let mut vertices = vec![false; piece.vertices().len()];
-        for (k, walk) in loops_about(piece, lines) {
-            lengths[k] += length(piece, &walk);
+        for (_, walk) in loops_about(piece, lines) {
             walk.iter().for_each(|v| vertices[*v as usize] = true);
         }
         let mut near = vec![false; piece.triangles().len()];
@@ -100,23 +101,28 @@ impl<'a> Ends<'a> {
             let ring = piece.triangles().iter().zip(&near).filter(|(_, near)| **near);
             ring.flat_map(|(t, _)| t).for_each(|v| vertices[*v as usize] = true);
         }
-        Self { lines, lengths, near }
+        Self { lines, lengths: lengths(piece, lines), near }
     }
 
     fn is_near(&self, triangle: usize) -> bool {
         self.near[triangle]
     }
 
-    /// Whether the lines lead through as much in `rest`, which is a part of the piece, as in all of it.
+    /// Whether the lines lead through the same loops in `rest`, which is a part of the piece, as in all of it.
     fn remain(&self, rest: &TriMesh) -> bool {
-        let mut lengths = vec![0.0; self.lines.len()];
-        for (k, walk) in loops_about(rest, self.lines) {
-            lengths[k] += length(rest, &walk);
-        }
-        let are_equal =
-            |(now, then): (&Real, &Real)| (*now > 0.0) == (*then > 0.0) && *now <= LONGER * then;
-        lengths.iter().zip(&self.lengths).all(are_equal)
+        let are_same = |(now, then): (&Vec<Real>, &Vec<Real>)| {
+            now.len() == then.len() && now.iter().zip(then).all(|(now, then)| *now <= LONGER * then)
+        };
+        lengths(rest, self.lines).iter().zip(&self.lengths).all(are_same)
     }
+}
+
+/// The lengths of the boundary loops that each line leads through, in metres and ascending.
+fn lengths(mesh: &TriMesh, lines: &[Vec<Point>]) -> Vec<Vec<Real>> {
+    let mut lengths = vec![Vec::new(); lines.len()];
+    loops_about(mesh, lines).for_each(|(k, walk)| lengths[k].push(length(mesh, &walk)));
+    lengths.iter_mut().for_each(|of_line| of_line.sort_by(Real::total_cmp));
+    lengths
 }
 
 /// The boundary loops that lines lead through, each with the index of the line.

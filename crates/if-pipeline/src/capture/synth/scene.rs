@@ -5,10 +5,13 @@ use super::motion::Waves;
 use crate::capture::{BACKGROUND, SKIN};
 use if_body::mannequin::{self, Garment, rig};
 use if_body::{Pose, Skeleton, SkinWeights, TemplateBody};
+use if_core::closest::ClosestPoint;
 use if_core::math::{Point, Real, Vector, unit_or_zero};
 use if_core::mesh::TriMesh;
 use if_mesh::camera::Camera;
+use if_mesh::index::Bvh;
 use if_mesh::raster::{IdBuffer, NOTHING, RasterParams, Rasteriser};
+use rayon::prelude::*;
 
 /// The camera: in front of the person, at breast height, with a vertical field of view of 32°.
 pub(super) fn camera(size: usize) -> Camera {
@@ -24,6 +27,8 @@ pub(super) fn camera(size: usize) -> Camera {
 pub(super) struct Layer {
     pub(super) mesh: TriMesh,
     pub(super) skin: SkinWeights,
+    /// Distance of each vertex from the body, in metres.
+    clearance: Vec<Real>,
 }
 
 /// The mannequin in its clothes, in the rest pose.
@@ -50,10 +55,15 @@ impl Scene {
         let mut worn = params.garments.clone();
         worn.sort();
         worn.dedup();
-        let meshes = std::iter::once(mannequin::body(&params.mannequin))
-            .chain(worn.iter().map(|kind| mannequin::garment(*kind, &params.mannequin)));
-        let layers: Vec<Layer> =
-            meshes.map(|mesh| Layer { skin: rig::skin_weights(mesh.vertices()), mesh }).collect();
+        let body = mannequin::body(&params.mannequin);
+        let tree = Bvh::new(&body);
+        let layer = |mesh: TriMesh| {
+            let away = |p: &Point| tree.closest(p, Real::INFINITY).map_or(0.0, |c| c.distance);
+            let clearance = mesh.vertices().par_iter().map(away).collect();
+            Layer { skin: rig::skin_weights(mesh.vertices()), clearance, mesh }
+        };
+        let garments = worn.iter().map(|kind| mannequin::garment(*kind, &params.mannequin));
+        let layers: Vec<Layer> = std::iter::once(body.clone()).chain(garments).map(layer).collect();
         let (mut vertices, mut triangles, mut first) = (Vec::new(), Vec::new(), Vec::new());
         for layer in &layers {
             let n = vertices.len() as u32;
@@ -90,7 +100,8 @@ impl Scene {
             if k > 0 && !waves.still() {
                 rest.iter_mut()
                     .zip(layer.mesh.vertex_normals())
-                    .for_each(|(p, n)| *p += n * waves.at(p, turn));
+                    .zip(&layer.clearance)
+                    .for_each(|((p, n), away)| *p += n * above(waves.at(p, turn), *away));
             }
             let skinned = layer.skin.joints().iter().zip(layer.skin.weights()).zip(&rest);
             posed.extend(skinned.map(|((joints, weights), p)| {
@@ -133,6 +144,15 @@ impl Scene {
     }
 }
 
+/// What a displacement along the normal becomes `away` metres from the body: inwards at most half of the way
+/// there. What is farther away remains so, so that no layer shows through another.
+fn above(displacement: Real, away: Real) -> Real {
+    if displacement >= 0.0 || away <= 0.0 {
+        return displacement.max(0.0);
+    }
+    0.5 * away * ((2.0 * displacement / away).exp() - 1.0)
+}
+
 #[cfg(test)]
 mod tests {
     use super::super::tests::small;
@@ -152,6 +172,28 @@ mod tests {
         assert_eq!(square[0].0, 0.0);
         let high = (square[1].0 / square[1].1 as Real).sqrt();
         assert!((0.003..0.015).contains(&high), "{high}");
+    }
+
+    #[test]
+    fn waves_keep_layers_in_order_and_above_the_body() {
+        for displacement in [-0.05, -0.01, -0.001, 0.0, 0.01] {
+            let places = (1..100).map(|k| 1e-3 * Real::from(k));
+            let moved: Vec<Real> = places.clone().map(|d| d + above(displacement, d)).collect();
+            assert!(moved.windows(2).all(|w| w[0] < w[1]), "{displacement}");
+            assert!(moved.iter().zip(places).all(|(now, was)| *now >= 0.5 * was));
+        }
+        assert_eq!((above(0.01, 0.002), above(-0.01, 0.0)), (0.01, 0.0));
+        approx::assert_relative_eq!(above(-0.001, 10.0), -0.001, max_relative = 1e-3);
+        // The skin that the pictures show is about the same.
+        let scene = Scene::new(&small(0.0));
+        let (camera, pose) = (camera(128), rig::turning_pose(1, 8));
+        let skin = |amount: Real| {
+            let moved = scene.posed(&pose, &Waves::new(amount, 1), 0.25);
+            let seen = scene.seen(&moved, &camera, &mut Rasteriser::default());
+            seen.labels.iter().filter(|label| **label == SKIN).count() as Real
+        };
+        let (still, waving) = (skin(0.0), skin(0.01));
+        assert!((waving / still - 1.0).abs() < 0.03, "{still} {waving}");
     }
 
     #[test]
