@@ -2,6 +2,7 @@
 
 mod bones;
 mod bvh;
+mod lowest;
 mod matching;
 mod retarget;
 mod standing;

@@ -22,6 +22,12 @@ pub(super) struct Matches {
     pub(super) is_end: Vec<bool>,
     /// The joints of the thighs.
     pub(super) thighs: Vec<[usize; 2]>,
+    /// The head of the skeleton.
+    pub(super) head: Option<usize>,
+    /// Whether the bone of the parent leads to a joint of the skeleton, by its name: not to eyes, fingers or hair.
+    pub(super) goes_on: Vec<bool>,
+    /// The same of the joints of the file.
+    pub(super) goes_on_in_file: Vec<bool>,
 }
 
 impl Matches {
@@ -72,9 +78,10 @@ pub(super) fn matches(bvh: &Bvh, skeleton: &Skeleton) -> Result<Matches, BvhErro
         ]
     });
     let spine = chest.map_or_else(HashMap::new, |chest| between(bvh, skeleton, hips, chest));
+    let head_of_skeleton = head(&names, |j| skeleton.joints()[j].parent, chest.map(|c| c[0]));
     let neck = chest.and_then(|chest| {
-        let own = head(&names, |j| skeleton.joints()[j].parent, chest[0])?;
-        let other = head(&of_file, |k| bvh.joints[k].parent, chest[1])?;
+        let own = head_of_skeleton?;
+        let other = head(&of_file, |k| bvh.joints[k].parent, Some(chest[1]))?;
         let mut neck = between(bvh, skeleton, chest, [own, other]);
         neck.retain(|j, k| *j == own || *k != Some(other));
         Some(neck)
@@ -114,20 +121,37 @@ pub(super) fn matches(bvh: &Bvh, skeleton: &Skeleton) -> Result<Matches, BvhErro
     let is_end = |(name, has_below): (&Name, bool)| !has_below || is_last(name);
     let is_end = names.iter().zip(has_below).map(is_end).collect();
     let thighs = limbs.into_iter().filter(is_thigh).collect();
-    Ok(Matches { of, is_limb, hips, chest, is_end, thighs })
+    let goes_on_in_file = goes_on(&of_file, |k| bvh.joints[k].parent);
+    let goes_on = goes_on(&names, |j| skeleton.joints()[j].parent);
+    let head = head_of_skeleton;
+    Ok(Matches { of, is_limb, hips, chest, is_end, thighs, head, goes_on, goes_on_in_file })
 }
 
 /// The head: the joint of that name, or the last one on from the chest by the chest's name, such as Rigify's
 /// `spine.006` on from `spine.003`.
-fn head(names: &[Name], parent: impl Fn(usize) -> Option<usize>, chest: usize) -> Option<usize> {
+fn head(
+    names: &[Name],
+    parent: impl Fn(usize) -> Option<usize>,
+    chest: Option<usize>,
+) -> Option<usize> {
     let called = |j: usize| without_number(&names[j].plain);
-    let on_from =
-        |last: usize, j: usize| match parent(j) == Some(last) && called(j) == called(chest) {
-            true => j,
-            false => last,
-        };
-    let last = || Some((chest + 1..names.len()).fold(chest, on_from)).filter(|j| *j != chest);
+    let last = || {
+        let chest = chest?;
+        let goes_on = |last, j| parent(j) == Some(last) && called(j) == called(chest);
+        let on_from = |last: usize, j: usize| if goes_on(last, j) { j } else { last };
+        Some((chest + 1..names.len()).fold(chest, on_from)).filter(|j| *j != chest)
+    };
     names.iter().position(|name| name.plain == "head").or_else(last)
+}
+
+/// Whether each joint is the end of its parent's bone, by its name: the next one of the limb or trunk, or a joint
+/// that is there for the end alone, as `HeadTop_End` or `Head_Nub`.
+fn goes_on(names: &[Name], parent: impl Fn(usize) -> Option<usize>) -> Vec<bool> {
+    let goes_on = |(j, name): (usize, &Name)| {
+        let above = parent(j).map(|p| &names[p]);
+        above.is_some_and(|above| name.ends(above) || name.is_next_of_limb(above))
+    };
+    names.iter().enumerate().map(goes_on).collect()
 }
 
 /// The joints of the spine, from above the hips to where both arms hang, or of the neck, from there to the
@@ -236,6 +260,10 @@ const SYNONYMS: [&[&str]; 8] = [
 
 /// A part of the hand beyond the wrist, where that has a name of its own.
 const PALM: &str = "palm";
+/// Ends of the names of joints that are there for the end of a bone alone.
+const TIPS: [&str; 6] = ["end", "site", "top", "tip", "nub", "leaf"];
+/// Names of joints of the trunk to which the bone of another one leads.
+const TRUNK: [&str; 5] = ["spine", "chest", "upperchest", "neck", "head"];
 
 impl Name {
     /// The names of a skeleton. Some mean another joint by what else its list has on that side: SMPL,
@@ -261,6 +289,21 @@ impl Name {
             }
         }
         names.into_iter().map(|(name, _)| name).collect()
+    }
+
+    /// Whether it names the next joint of the trunk, or the end of the bone of the joint `above`.
+    fn ends(&self, above: &Self) -> bool {
+        let mut bone = without_number(&self.plain);
+        while let Some(shorter) = TIPS.iter().find_map(|tip| bone.strip_suffix(tip)) {
+            bone = without_number(shorter);
+        }
+        bone.is_empty() || bone == without_number(&above.plain) || TRUNK.contains(&bone)
+    }
+
+    /// Whether it names a joint of the same limb as `above`.
+    fn is_next_of_limb(&self, above: &Self) -> bool {
+        let is_own = self.is_limb() || self.usual.1 == PALM;
+        above.is_limb() && is_own && self.usual.0 == above.usual.0
     }
 
     /// Whether it names a joint of an arm or leg.

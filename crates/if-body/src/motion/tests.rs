@@ -1,3 +1,4 @@
+mod gltf;
 mod standing;
 
 use super::*;
