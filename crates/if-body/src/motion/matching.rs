@@ -236,6 +236,8 @@ struct Name {
     usual: (Option<char>, String),
     /// Whether the usual name is without a number that the name has.
     is_part: bool,
+    /// The plain name without a word for the middle, if it has one.
+    middle: Option<String>,
 }
 
 /// Usual names of the joints of a leg.
@@ -264,6 +266,8 @@ const PALM: &str = "palm";
 const TIPS: [&str; 6] = ["end", "site", "top", "tip", "nub", "leaf"];
 /// Names of joints of the trunk to which the bone of another one leads.
 const TRUNK: [&str; 5] = ["spine", "chest", "upperchest", "neck", "head"];
+/// Words for the middle, of joints that have no side: `J_Bip_C_Head`, `Head_M`.
+const MIDDLE: [&str; 4] = ["c", "m", "center", "centre"];
 
 impl Name {
     /// The names of a skeleton. Some mean another joint by what else its list has on that side: SMPL,
@@ -286,6 +290,13 @@ impl Name {
                 if let Some((_, usual, _)) = other.iter().find(|(w, _, is)| w == word && *is) {
                     name.usual.1 = (*usual).to_owned();
                 }
+            }
+        }
+        let mut plain: HashSet<String> = names.iter().map(|(name, _)| name.plain.clone()).collect();
+        for (name, _) in names.iter_mut().filter(|(name, _)| name.usual.0.is_none()) {
+            // `C_Head` is the head, if nothing else is.
+            if let Some(own) = name.middle.take().filter(|own| plain.insert(own.clone())) {
+                (name.plain, name.usual.1) = (own.clone(), own);
             }
         }
         names.into_iter().map(|(name, _)| name).collect()
@@ -314,33 +325,41 @@ impl Name {
 
     /// A name, and its words without the side.
     fn new(name: &str) -> (Self, String) {
-        let name = name.rsplit(':').next().unwrap_or(name);
-        let mut words: Vec<String> = Vec::new();
-        let mut before = ' ';
-        for c in name.chars() {
-            let begins = !before.is_alphanumeric() || (c.is_uppercase() && before.is_lowercase());
-            let after_side = words.len() == 1 && matches!(words[0].as_str(), "l" | "r");
-            if c.is_alphanumeric() {
-                if begins || (after_side && c.is_uppercase()) {
-                    words.push(String::new());
-                }
-                if let Some(word) = words.last_mut() {
-                    word.extend(c.to_lowercase());
-                }
-            }
-            before = c;
-        }
+        let words = words(name.rsplit(':').next().unwrap_or(name));
         let plain = words.concat();
+        let is_middle = |word: &&String| MIDDLE.contains(&word.as_str());
+        let without: String = words.iter().filter(|word| !is_middle(word)).cloned().collect();
+        let middle = Some(without).filter(|own| !own.is_empty() && *own != plain);
         let at = words.iter().find_map(|w| side(w));
         let joined: String = words.iter().filter(|w| side(w).is_none()).cloned().collect();
         let bone = without_number(&joined);
         let synonyms = SYNONYMS.iter().find(|s| at.is_some() && s.contains(&bone));
         let Some(synonyms) = synonyms else {
-            return (Self { plain, usual: (at, joined.clone()), is_part: false }, joined);
+            return (Self { plain, usual: (at, joined.clone()), is_part: false, middle }, joined);
         };
         let usual = (at, synonyms[0].to_owned());
-        (Self { plain, usual, is_part: bone != joined }, bone.to_owned())
+        (Self { plain, usual, is_part: bone != joined, middle }, bone.to_owned())
     }
+}
+
+/// The words of a name, in lower case.
+fn words(name: &str) -> Vec<String> {
+    let mut words: Vec<String> = Vec::new();
+    let mut before = ' ';
+    for c in name.chars() {
+        let begins = !before.is_alphanumeric() || (c.is_uppercase() && before.is_lowercase());
+        let after_side = words.len() == 1 && matches!(words[0].as_str(), "l" | "r");
+        if c.is_alphanumeric() {
+            if begins || (after_side && c.is_uppercase()) {
+                words.push(String::new());
+            }
+            if let Some(word) = words.last_mut() {
+                word.extend(c.to_lowercase());
+            }
+        }
+        before = c;
+    }
+    words
 }
 
 /// A name without the number at its end.
@@ -358,29 +377,43 @@ fn side(word: &str) -> Option<char> {
 }
 
 /// The names without the first parts, up to a separator, that most of them share: `mixamorig_`, `Bip01 `,
-/// `DEF-`. A side is none, also where all have the same.
+/// `DEF-`. A side is none, also where all have the same. Joints of hair and cloth may be called otherwise, so
+/// that what most joints of limbs share is a prefix, too.
 pub(super) fn without_prefix(mut names: Vec<&str>) -> Vec<&str> {
     let first_part = |name: &str| {
-        let at = name.find(|c: char| !c.is_alphanumeric())?;
-        let (separator, rest) = (name[at..].chars().next()?.len_utf8(), name.len());
-        let is_prefix =
-            at > 0 && at + separator < rest && side(&name[..at].to_lowercase()).is_none();
-        is_prefix.then(|| at + separator)
+        let end = starts(name).nth(1)?;
+        let part = name[..end].trim_end_matches(|c: char| !c.is_alphanumeric());
+        (!part.is_empty() && side(&part.to_lowercase()).is_none()).then_some(end)
     };
     loop {
-        let mut counts: HashMap<&str, usize> = HashMap::new();
-        for name in &names {
-            if let Some(end) = first_part(name) {
-                *counts.entry(&name[..end]).or_default() += 1;
-            }
-        }
-        // No two are shared by more than half.
-        let Some((prefix, _)) = counts.into_iter().find(|(_, count)| 4 * count >= 3 * names.len())
-        else {
-            return names;
-        };
-        for name in &mut names {
-            *name = name.strip_prefix(prefix).unwrap_or(name);
-        }
+        let parts = names.iter().filter_map(|name| Some(&name[..first_part(name)?]));
+        let Some(prefix) = shared(parts, names.len()) else { break };
+        names.iter_mut().for_each(|name| *name = name.strip_prefix(prefix).unwrap_or(name));
     }
+    // Of each limb's joint the shortest first parts that are not of its name, which may be empty.
+    let before_limb = |name: &&str| {
+        let is_limb = |start: &usize| Name::new(&name[*start..]).0.is_limb();
+        starts(name).find(is_limb)
+    };
+    let parts: Vec<&str> =
+        names.iter().filter_map(|name| Some(&name[..before_limb(name)?])).collect();
+    if let Some(prefix) = shared(parts.iter().copied(), parts.len()) {
+        names.iter_mut().for_each(|name| *name = name.strip_prefix(prefix).unwrap_or(name));
+    }
+    names
+}
+
+/// The starts of what remains of a name without some of its first parts, which end with a separator.
+fn starts(name: &str) -> impl Iterator<Item = usize> {
+    let separators = name.char_indices().filter(|(_, c)| !c.is_alphanumeric());
+    let ends = separators.map(|(at, c)| at + c.len_utf8());
+    std::iter::once(0).chain(ends.filter(|end| *end < name.len()))
+}
+
+/// What at least three in four of `count` names begin with.
+fn shared<'a>(parts: impl Iterator<Item = &'a str>, count: usize) -> Option<&'a str> {
+    let mut counts: HashMap<&str, usize> = HashMap::new();
+    parts.for_each(|part| *counts.entry(part).or_default() += 1);
+    // No two are shared by more than half.
+    counts.into_iter().find(|(_, shared)| 4 * shared >= 3 * count).map(|(part, _)| part)
 }

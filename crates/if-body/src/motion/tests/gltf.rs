@@ -138,3 +138,60 @@ fn the_same_rig_without_ends_of_feet_has_the_same_size_and_floor() {
         }
     }
 }
+
+#[test]
+fn a_prefix_that_joints_of_limbs_have_is_no_part_of_names_among_hair() {
+    let file = crate::mannequin::rig::skeleton();
+    let poses = poses(&file);
+    let text = written(&file, &poses, 1.0);
+    let capital = |word: &str| word[..1].to_uppercase() + &word[1..];
+    let name = |prefix: &str, name: &str| match name.split_once('_') {
+        Some((side, part)) => format!("{prefix}{}_{part}", capital(&side[..1])),
+        None if prefix == "J_Bip_" => format!("{prefix}C_{}", capital(name)),
+        None => format!("{prefix}{name}"),
+    };
+    for (prefix, hair) in [
+        ("J_Bip_", "J_Sec_Hair"),
+        ("Bip01 ", "Ponytail"),
+        ("CC_Base_", "hair_"),
+        ("DEF-", "hair."),
+        ("ValveBiped.Bip01_", "hair_"),
+        ("", "J_Sec_L_Skirt"),
+    ] {
+        let joint = |joint: &Joint| Joint { name: name(prefix, &joint.name), ..joint.clone() };
+        let renamed = Skeleton::new(file.joints().iter().map(joint).collect()).unwrap();
+        let head = name(prefix, "head");
+        let hairs: Vec<String> = (0..40).map(|k| format!("{hair}{k:02}")).collect();
+        let hairs: Vec<(&str, &str, [Real; 3])> =
+            hairs.iter().map(|hair| (hair.as_str(), head.as_str(), [0.0, 0.1, -0.1])).collect();
+        let body = of_gltf(&renamed, &hairs);
+        let motion = Motion::read(text.as_bytes(), &body).unwrap();
+        assert_eq!(motion.unmatched.len(), 40, "{prefix}: {:?}", motion.unmatched);
+        assert_same(&motion, &poses);
+    }
+}
+
+#[test]
+fn words_for_the_middle_are_no_part_of_names() {
+    let file = crate::mannequin::rig::skeleton();
+    let poses = poses(&file);
+    let text = written(&file, &poses, 1.0);
+    for middle in ["C_{}", "{}_M", "{}.C", "center_{}"] {
+        let name = |name: &str| match name.contains('_') {
+            true => name.to_owned(),
+            false => middle.replace("{}", name),
+        };
+        let joint = |joint: &Joint| Joint { name: name(&joint.name), ..joint.clone() };
+        let body = Skeleton::new(file.joints().iter().map(joint).collect()).unwrap();
+        let motion = Motion::read(text.as_bytes(), &body).unwrap();
+        assert_eq!(motion.unmatched, [""; 0], "{middle}");
+        assert_same(&motion, &poses);
+    }
+    // Where a joint has the name without it they are two.
+    let mut joints = file.joints().to_vec();
+    let head = joints.iter().position(|joint| joint.name == "head").unwrap();
+    joints.push(Joint { name: "C_head".into(), parent: Some(head), ..joints[head].clone() });
+    let body = Skeleton::new(joints).unwrap();
+    let motion = Motion::read(text.as_bytes(), &body).unwrap();
+    assert_eq!(motion.unmatched, ["C_head"]);
+}
