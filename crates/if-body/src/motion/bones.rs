@@ -45,9 +45,11 @@ pub(super) fn bones(
         (j + 1..joints.len()).filter_map(|c| Some((c, of[c]?))).filter(|(c, _)| is_below(*c));
     let mut below: Vec<(usize, usize)> = below.collect();
     // A jaw alone is not where a head points.
-    if let ([(c, _)], true) = (&below[..], matches.head == Some(j)) {
-        let is_next = matches.goes_on[*c];
-        below.retain(|_| is_next);
+    if let [(c, _)] = below[..]
+        && matches.head == Some(j)
+        && !matches.goes_on[c]
+    {
+        below.clear();
     }
     let below = below.into_iter();
     let bones: Vec<(Vector, Vector)> =

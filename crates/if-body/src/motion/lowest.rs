@@ -55,23 +55,40 @@ impl Lowest {
             if has_below[j] {
                 continue;
             }
-            // What goes on from the last joint of both.
+            // What goes on from the last joint of both: other joints, and ends of bones that have none.
             let goes_on = |a: usize| parent(a).filter(|_| matches.goes_on[a]);
             let own = below(goes_on, joints.len(), |a| a == j);
-            let other = below(parent_in_file, rest.len(), |a| a == k);
-            let own: Vec<usize> = (0..joints.len()).filter(|a| own[*a]).collect();
-            let other = (0..rest.len()).filter(|a| other[*a]);
-            let ends = other.flat_map(|a| [Some(rest[a]), bvh.end(a).map(|end| rest[a] + end)]);
-            let ends: Vec<Vector> = ends.flatten().collect();
-            let is_long = |a: &usize| {
-                let bone = |end: Point| (end - joints[j].head).norm() > STUB * own_height;
-                bone(joints[*a].head) || (states_tail(skeleton, *a) && bone(joints[*a].tail))
+            let own: Vec<usize> = (j..joints.len()).filter(|a| own[*a]).collect();
+            let is_last = |a: &&usize| own.iter().all(|b| parent(*b) != Some(**a));
+            let is_long = |a: &&usize| {
+                let bone = joints[**a].tail - joints[**a].head;
+                states_tail(skeleton, **a) && bone.norm() > STUB * own_height
             };
-            let is_long_in_file = |end: &Vector| (end - rest[k]).norm() > STUB * height;
-            if own.iter().any(is_long) && ends.iter().any(is_long_in_file) {
-                low = ends.iter().map(|end| end.y).fold(low, Real::min);
-                heads.extend(own.iter().filter(|a| **a != j));
-                tails.extend(own.into_iter().filter(|a| states_tail(skeleton, *a)));
+            let own_tails: Vec<usize> =
+                own.iter().filter(is_last).filter(is_long).copied().collect();
+            let other = below(parent_in_file, rest.len(), |a| a == k);
+            let other: Vec<usize> = (k..rest.len()).filter(|a| other[*a]).collect();
+            let end = |a: &usize| bvh.end(*a).filter(|end| end.norm() > STUB * height);
+            let other_ends: Vec<Real> =
+                other.iter().filter_map(|a| Some((rest[*a] + end(a)?).y)).collect();
+            // Where one has no ends, joints are compared if there are some.
+            let ends = !own_tails.is_empty() && !other_ends.is_empty();
+            let has_own = own.len() > 1 || !own_tails.is_empty();
+            let has_other = other.len() > 1 || !other_ends.is_empty();
+            if !has_own || !has_other {
+                continue;
+            }
+            if ends || own.len() > 1 {
+                heads.extend(&own[1..]);
+            }
+            if ends || own.len() == 1 {
+                tails.extend(own_tails);
+            }
+            if ends || other.len() > 1 {
+                low = other.iter().map(|a| rest[*a].y).fold(low, Real::min);
+            }
+            if ends || other.len() == 1 {
+                low = other_ends.into_iter().fold(low, Real::min);
             }
         }
         if -low > LEGS * height {

@@ -305,10 +305,13 @@ impl Name {
     /// Whether it names the next joint of the trunk, or the end of the bone of the joint `above`.
     fn ends(&self, above: &Self) -> bool {
         let mut bone = without_number(&self.plain);
+        let mut is_tip = false;
         while let Some(shorter) = TIPS.iter().find_map(|tip| bone.strip_suffix(tip)) {
-            bone = without_number(shorter);
+            (bone, is_tip) = (without_number(shorter), true);
         }
-        bone.is_empty() || bone == without_number(&above.plain) || TRUNK.contains(&bone)
+        // `LeftToe_End` is that of `LeftToeBase`.
+        let is_of_bone = is_tip && above.plain.starts_with(bone);
+        is_of_bone || bone == without_number(&above.plain) || TRUNK.contains(&bone)
     }
 
     /// Whether it names a joint of the same limb as `above`.

@@ -85,6 +85,20 @@ fn a_head_points_to_its_top() {
 }
 
 #[test]
+fn toes_point_to_their_end() {
+    let file = Skeleton::new(half(CMU)).unwrap();
+    let text = written(&file, &[Pose::rest(file.len())], 1.0);
+    let lean = UnitQuaternion::from_axis_angle(&Vector::y_axis(), 0.3);
+    let along = (lean * Vector::new(0.1, 0.0, 0.0)).into();
+    for (name, expected) in [("LeftToe_End", 0.3), ("LeftToeBase_end", 0.3), ("LeftLace", 0.0)] {
+        let body = of_gltf(&file, &[(name, "LeftToeBase", along)]);
+        let motion = Motion::read(text.as_bytes(), &body).unwrap();
+        let found = motion.poses[0].rotations[4].angle();
+        assert!((found - expected).abs() < 1e-6, "{name}: {found}");
+    }
+}
+
+#[test]
 fn hands_and_feet_do_not_point_to_what_they_hold() {
     let file = crate::mannequin::rig::skeleton();
     let poses = poses(&file);
@@ -118,6 +132,9 @@ fn the_same_rig_without_ends_of_feet_has_the_same_size_and_floor() {
             assert_same(&Motion::read(text.as_bytes(), &body).unwrap(), &poses);
         }
     }
+    // A foot of another name: its shin is the last joint of both.
+    let text = written(&file, &poses[..1], 1.0).replace("left_foot", "left_hoof");
+    assert_same(&Motion::read(text.as_bytes(), &body).unwrap(), &poses[..1]);
     // With heels the ankles are higher.
     let heels = lifted(0.06);
     for file in [&heels, &no_ends(&heels)] {
@@ -163,7 +180,7 @@ fn a_prefix_that_joints_of_limbs_have_is_no_part_of_names_among_hair() {
         let head = name(prefix, "head");
         let hairs: Vec<String> = (0..40).map(|k| format!("{hair}{k:02}")).collect();
         let hairs: Vec<(&str, &str, [Real; 3])> =
-            hairs.iter().map(|hair| (hair.as_str(), head.as_str(), [0.0, 0.1, -0.1])).collect();
+            hairs.iter().map(|hair| (hair.as_str(), head.as_str(), [0.0, 0.1, -0.02])).collect();
         let body = of_gltf(&renamed, &hairs);
         let motion = Motion::read(text.as_bytes(), &body).unwrap();
         assert_eq!(motion.unmatched.len(), 40, "{prefix}: {:?}", motion.unmatched);
