@@ -2,6 +2,7 @@
 
 mod bones;
 mod bvh;
+mod lowest;
 mod matching;
 mod retarget;
 mod standing;
@@ -13,8 +14,10 @@ use self::retarget::{Retargeted, retarget};
 use crate::pose::{Pose, PoseError};
 use crate::skeleton::{Skeleton, opened};
 use if_core::math::{Real, Vector};
+use if_mesh::file::is_gltf;
 use nalgebra::UnitQuaternion;
 use serde::{Deserialize, Serialize};
+use std::borrow::Cow;
 use std::io::{self, Read};
 use std::ops::Range;
 use std::path::Path;
@@ -44,11 +47,18 @@ pub enum MotionError {
     #[error("the motion is not as docs/animate.md specifies: {0}")]
     Json(#[from] serde_json::Error),
     /// The BVH file is invalid, or of another skeleton.
-    #[error("the motion is no valid BVH file: {0}")]
+    #[error("{verdict}: {0}", verdict = .0.verdict())]
     Bvh(#[from] BvhError),
     /// The file is neither JSON nor text.
-    #[error("the motion is not text; give JSON as docs/animate.md specifies, or BVH")]
+    #[error(
+        "the motion is not text; give JSON as docs/animate.md specifies, or BVH; FBX files are not read"
+    )]
     Text,
+    /// The file is glTF.
+    #[error(
+        "the motion is a glTF file, whose animations are not read; export it as BVH, or give JSON as docs/animate.md specifies"
+    )]
+    Gltf,
     /// The motion has a joint that the skeleton lacks, or the other way round.
     #[error(
         "joint {index} of the motion is `{found}`, but the skeleton has `{expected}` there; \
@@ -89,6 +99,23 @@ pub fn is_rate(frames_per_second: Real) -> bool {
     (1e-3..=1e5).contains(&frames_per_second)
 }
 
+/// The first bytes of a binary glTF file.
+const GLB: &[u8] = b"glTF";
+/// The first word of a BVH file.
+const BVH: &str = "HIERARCHY";
+
+/// The text of a file: UTF-8, or a BVH file in Latin-1, as older programs write the names of joints. Those are the
+/// first 256 characters of Unicode.
+fn text(bytes: &[u8]) -> Result<Cow<'_, str>, MotionError> {
+    if let Ok(text) = str::from_utf8(bytes) {
+        return Ok(text.into());
+    }
+    let first = bytes.trim_ascii_start().get(..BVH.len());
+    let is_bvh = first.is_some_and(|first| first.eq_ignore_ascii_case(BVH.as_bytes()));
+    let latin = || bytes.iter().map(|byte| char::from(*byte)).collect::<String>();
+    is_bvh.then(|| latin().into()).ok_or(MotionError::Text)
+}
+
 /// What stands for a joint that is missing.
 const MISSING: &str = "none";
 
@@ -121,9 +148,12 @@ impl Motion {
     ) -> Result<Self, MotionError> {
         let mut bytes = Vec::new();
         reader.read_to_end(&mut bytes)?;
-        let text = str::from_utf8(&bytes).map_err(|_| MotionError::Text)?;
+        if bytes.starts_with(GLB) {
+            return Err(MotionError::Gltf);
+        }
+        let text = text(&bytes)?;
         let text = text.trim_start_matches('\u{feff}');
-        if is_bvh || text.trim_start().starts_with("HIERARCHY") {
+        if is_bvh || text.trim_start().starts_with(BVH) {
             Self::from_bvh(text, skeleton)
         } else {
             Self::from_json(text, skeleton)
@@ -201,9 +231,13 @@ impl Motion {
     ///
     /// As [`Motion::read`].
     pub fn read_path(path: &Path, skeleton: &Skeleton) -> Result<Self, MotionError> {
+        let file = opened(path)?;
+        if is_gltf(path) {
+            return Err(MotionError::Gltf);
+        }
         let is_bvh =
             path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("bvh"));
-        Self::read_as(opened(path)?, skeleton, is_bvh)
+        Self::read_as(file, skeleton, is_bvh)
     }
 
     /// The frames of a range, at the same rate.

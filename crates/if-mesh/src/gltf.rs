@@ -30,6 +30,7 @@ mod document;
 mod edit;
 mod error;
 mod gltf_mesh;
+mod joints;
 mod motion;
 mod placing;
 mod read;

@@ -89,6 +89,17 @@ const CHANNELS: [(&str, Channel); 6] = [
     ("Zrotation", Channel::Rotation(2)),
 ];
 
+impl BvhError {
+    /// What is wrong with the file as a whole.
+    pub(super) fn verdict(&self) -> &'static str {
+        match self {
+            Self::Joints { .. } => "the joints of the BVH file are not those of the skeleton",
+            Self::NotUpright { .. } => "the BVH file has no upright person",
+            _ => "the motion is no valid BVH file",
+        }
+    }
+}
+
 impl Bvh {
     /// Reads the text of a file.
     pub(super) fn read(text: &str) -> Result<Self, BvhError> {
@@ -100,7 +111,7 @@ impl Bvh {
         if let Some(joint) = joints.iter().find(|joint| !names.insert(&joint.name)) {
             return Err(BvhError::SameName { name: joint.name.clone() });
         }
-        words.expect("Frames:")?;
+        words.label("Frames:")?;
         let (line, word) = words.next("the number of frames")?;
         let frames = word.parse::<usize>().map_err(|_| BvhError::Syntax {
             line,
@@ -108,7 +119,7 @@ impl Bvh {
             found: word.into(),
         })?;
         words.expect("Frame")?;
-        words.expect("Time:")?;
+        words.label("Time:")?;
         let frame_time = words.number("the frame time")?;
         let mut values = Vec::new();
         while words.peek().is_some() {
@@ -242,8 +253,7 @@ fn hierarchy(words: &mut Words<'_>) -> Result<(Vec<BvhJoint>, usize), BvhError> 
                 current = Some(joints.len() - 1);
             }
             "End" => {
-                words.expect("Site")?;
-                words.expect("{")?;
+                end_site(words)?;
                 words.expect("OFFSET")?;
                 joints[at].end = Some(words.vector()?);
                 words.expect("}")?;
@@ -255,8 +265,25 @@ fn hierarchy(words: &mut Words<'_>) -> Result<(Vec<BvhJoint>, usize), BvhError> 
             }
         }
     }
-    words.expect("MOTION")?;
-    Ok((joints, channels))
+    match words.next("MOTION")? {
+        (_, word) if word.eq_ignore_ascii_case("MOTION") => Ok((joints, channels)),
+        (line, word) => {
+            let is_root = word.eq_ignore_ascii_case("ROOT");
+            let expected = if is_root { "MOTION (one person a file)" } else { "MOTION" };
+            Err(BvhError::Syntax { line, expected, found: word.into() })
+        }
+    }
+}
+
+/// What follows `End` up to the brace: `Site`, and in some programs the name of the bone's end.
+fn end_site(words: &mut Words<'_>) -> Result<(), BvhError> {
+    loop {
+        match words.next("{")? {
+            (_, "{") => return Ok(()),
+            (line, "}") => return Err(BvhError::Syntax { line, expected: "{", found: "}".into() }),
+            _ => {}
+        }
+    }
 }
 
 /// A joint's name and opening brace. Names may have blanks.
@@ -295,6 +322,8 @@ fn channel_list(words: &mut Words<'_>) -> Result<Vec<Channel>, BvhError> {
 /// The words of a text, with the numbers of their lines.
 struct Words<'a> {
     words: std::iter::Peekable<Box<dyn Iterator<Item = (usize, &'a str)> + 'a>>,
+    /// What follows a label without a space.
+    rest: Option<(usize, &'a str)>,
 }
 
 impl<'a> Words<'a> {
@@ -311,15 +340,15 @@ impl<'a> Words<'a> {
         };
         let words: Box<dyn Iterator<Item = _>> =
             Box::new(text.lines().enumerate().flat_map(of_line));
-        Self { words: words.peekable() }
+        Self { words: words.peekable(), rest: None }
     }
 
     fn peek(&mut self) -> Option<&(usize, &'a str)> {
-        self.words.peek()
+        self.rest.as_ref().or_else(|| self.words.peek())
     }
 
     fn next(&mut self, expected: &'static str) -> Result<(usize, &'a str), BvhError> {
-        self.words.next().ok_or(BvhError::End { expected })
+        self.rest.take().or_else(|| self.words.next()).ok_or(BvhError::End { expected })
     }
 
     fn expect(&mut self, expected: &'static str) -> Result<(), BvhError> {
@@ -329,6 +358,22 @@ impl<'a> Words<'a> {
         } else {
             Err(BvhError::Syntax { line, expected, found: found.into() })
         }
+    }
+
+    /// A label that ends in a colon, before which a space may stand, and none after it.
+    fn label(&mut self, expected: &'static str) -> Result<(), BvhError> {
+        let syntax =
+            |line, found: &str| BvhError::Syntax { line, expected, found: found.to_owned() };
+        let (line, word) = self.next(expected)?;
+        let name = expected.trim_end_matches(':');
+        let after = match word.split_at_checked(name.len()) {
+            Some((first, after)) if first.eq_ignore_ascii_case(name) => after,
+            _ => return Err(syntax(line, word)),
+        };
+        let (line, after) = if after.is_empty() { self.next(expected)? } else { (line, after) };
+        let after = after.strip_prefix(':').ok_or_else(|| syntax(line, word))?;
+        self.rest = Some((line, after)).filter(|(_, after)| !after.is_empty());
+        Ok(())
     }
 
     fn number(&mut self, expected: &'static str) -> Result<Real, BvhError> {

@@ -22,6 +22,12 @@ pub(super) struct Matches {
     pub(super) is_end: Vec<bool>,
     /// The joints of the thighs.
     pub(super) thighs: Vec<[usize; 2]>,
+    /// The head of the skeleton.
+    pub(super) head: Option<usize>,
+    /// Whether the bone of the parent leads to a joint of the skeleton, by its name: not to eyes, fingers or hair.
+    pub(super) goes_on: Vec<bool>,
+    /// The same of the joints of the file.
+    pub(super) goes_on_in_file: Vec<bool>,
 }
 
 impl Matches {
@@ -72,9 +78,10 @@ pub(super) fn matches(bvh: &Bvh, skeleton: &Skeleton) -> Result<Matches, BvhErro
         ]
     });
     let spine = chest.map_or_else(HashMap::new, |chest| between(bvh, skeleton, hips, chest));
+    let head_of_skeleton = head(&names, |j| skeleton.joints()[j].parent, chest.map(|c| c[0]));
     let neck = chest.and_then(|chest| {
-        let own = head(&names, |j| skeleton.joints()[j].parent, chest[0])?;
-        let other = head(&of_file, |k| bvh.joints[k].parent, chest[1])?;
+        let own = head_of_skeleton?;
+        let other = head(&of_file, |k| bvh.joints[k].parent, Some(chest[1]))?;
         let mut neck = between(bvh, skeleton, chest, [own, other]);
         neck.retain(|j, k| *j == own || *k != Some(other));
         Some(neck)
@@ -114,20 +121,37 @@ pub(super) fn matches(bvh: &Bvh, skeleton: &Skeleton) -> Result<Matches, BvhErro
     let is_end = |(name, has_below): (&Name, bool)| !has_below || is_last(name);
     let is_end = names.iter().zip(has_below).map(is_end).collect();
     let thighs = limbs.into_iter().filter(is_thigh).collect();
-    Ok(Matches { of, is_limb, hips, chest, is_end, thighs })
+    let goes_on_in_file = goes_on(&of_file, |k| bvh.joints[k].parent);
+    let goes_on = goes_on(&names, |j| skeleton.joints()[j].parent);
+    let head = head_of_skeleton;
+    Ok(Matches { of, is_limb, hips, chest, is_end, thighs, head, goes_on, goes_on_in_file })
 }
 
 /// The head: the joint of that name, or the last one on from the chest by the chest's name, such as Rigify's
 /// `spine.006` on from `spine.003`.
-fn head(names: &[Name], parent: impl Fn(usize) -> Option<usize>, chest: usize) -> Option<usize> {
+fn head(
+    names: &[Name],
+    parent: impl Fn(usize) -> Option<usize>,
+    chest: Option<usize>,
+) -> Option<usize> {
     let called = |j: usize| without_number(&names[j].plain);
-    let on_from =
-        |last: usize, j: usize| match parent(j) == Some(last) && called(j) == called(chest) {
-            true => j,
-            false => last,
-        };
-    let last = || Some((chest + 1..names.len()).fold(chest, on_from)).filter(|j| *j != chest);
+    let last = || {
+        let chest = chest?;
+        let goes_on = |last, j| parent(j) == Some(last) && called(j) == called(chest);
+        let on_from = |last: usize, j: usize| if goes_on(last, j) { j } else { last };
+        Some((chest + 1..names.len()).fold(chest, on_from)).filter(|j| *j != chest)
+    };
     names.iter().position(|name| name.plain == "head").or_else(last)
+}
+
+/// Whether each joint is the end of its parent's bone, by its name: the next one of the limb or trunk, or a joint
+/// that is there for the end alone, as `HeadTop_End` or `Head_Nub`.
+fn goes_on(names: &[Name], parent: impl Fn(usize) -> Option<usize>) -> Vec<bool> {
+    let goes_on = |(j, name): (usize, &Name)| {
+        let above = parent(j).map(|p| &names[p]);
+        above.is_some_and(|above| name.ends(above) || name.is_next_of_limb(above))
+    };
+    names.iter().enumerate().map(goes_on).collect()
 }
 
 /// The joints of the spine, from above the hips to where both arms hang, or of the neck, from there to the
@@ -212,6 +236,8 @@ struct Name {
     usual: (Option<char>, String),
     /// Whether the usual name is without a number that the name has.
     is_part: bool,
+    /// The plain name without a word for the middle, if it has one.
+    middle: Option<String>,
 }
 
 /// Usual names of the joints of a leg.
@@ -236,6 +262,12 @@ const SYNONYMS: [&[&str]; 8] = [
 
 /// A part of the hand beyond the wrist, where that has a name of its own.
 const PALM: &str = "palm";
+/// Ends of the names of joints that are there for the end of a bone alone.
+const TIPS: [&str; 6] = ["end", "site", "top", "tip", "nub", "leaf"];
+/// Names of joints of the trunk to which the bone of another one leads.
+const TRUNK: [&str; 5] = ["spine", "chest", "upperchest", "neck", "head"];
+/// Words for the middle, of joints that have no side: `J_Bip_C_Head`, `Head_M`.
+const MIDDLE: [&str; 4] = ["c", "m", "center", "centre"];
 
 impl Name {
     /// The names of a skeleton. Some mean another joint by what else its list has on that side: SMPL,
@@ -260,7 +292,32 @@ impl Name {
                 }
             }
         }
+        let mut plain: HashSet<String> = names.iter().map(|(name, _)| name.plain.clone()).collect();
+        for (name, _) in names.iter_mut().filter(|(name, _)| name.usual.0.is_none()) {
+            // `C_Head` is the head, if nothing else is.
+            if let Some(own) = name.middle.take().filter(|own| plain.insert(own.clone())) {
+                (name.plain, name.usual.1) = (own.clone(), own);
+            }
+        }
         names.into_iter().map(|(name, _)| name).collect()
+    }
+
+    /// Whether it names the next joint of the trunk, or the end of the bone of the joint `above`.
+    fn ends(&self, above: &Self) -> bool {
+        let mut bone = without_number(&self.plain);
+        let mut is_tip = false;
+        while let Some(shorter) = TIPS.iter().find_map(|tip| bone.strip_suffix(tip)) {
+            (bone, is_tip) = (without_number(shorter), true);
+        }
+        // `LeftToe_End` is that of `LeftToeBase`.
+        let is_of_bone = is_tip && above.plain.starts_with(bone);
+        is_of_bone || bone == without_number(&above.plain) || TRUNK.contains(&bone)
+    }
+
+    /// Whether it names a joint of the same limb as `above`.
+    fn is_next_of_limb(&self, above: &Self) -> bool {
+        let is_own = self.is_limb() || self.usual.1 == PALM;
+        above.is_limb() && is_own && self.usual.0 == above.usual.0
     }
 
     /// Whether it names a joint of an arm or leg.
@@ -271,33 +328,41 @@ impl Name {
 
     /// A name, and its words without the side.
     fn new(name: &str) -> (Self, String) {
-        let name = name.rsplit(':').next().unwrap_or(name);
-        let mut words: Vec<String> = Vec::new();
-        let mut before = ' ';
-        for c in name.chars() {
-            let begins = !before.is_alphanumeric() || (c.is_uppercase() && before.is_lowercase());
-            let after_side = words.len() == 1 && matches!(words[0].as_str(), "l" | "r");
-            if c.is_alphanumeric() {
-                if begins || (after_side && c.is_uppercase()) {
-                    words.push(String::new());
-                }
-                if let Some(word) = words.last_mut() {
-                    word.extend(c.to_lowercase());
-                }
-            }
-            before = c;
-        }
+        let words = words(name.rsplit(':').next().unwrap_or(name));
         let plain = words.concat();
+        let is_middle = |word: &&String| MIDDLE.contains(&word.as_str());
+        let without: String = words.iter().filter(|word| !is_middle(word)).cloned().collect();
+        let middle = Some(without).filter(|own| !own.is_empty() && *own != plain);
         let at = words.iter().find_map(|w| side(w));
         let joined: String = words.iter().filter(|w| side(w).is_none()).cloned().collect();
         let bone = without_number(&joined);
         let synonyms = SYNONYMS.iter().find(|s| at.is_some() && s.contains(&bone));
         let Some(synonyms) = synonyms else {
-            return (Self { plain, usual: (at, joined.clone()), is_part: false }, joined);
+            return (Self { plain, usual: (at, joined.clone()), is_part: false, middle }, joined);
         };
         let usual = (at, synonyms[0].to_owned());
-        (Self { plain, usual, is_part: bone != joined }, bone.to_owned())
+        (Self { plain, usual, is_part: bone != joined, middle }, bone.to_owned())
     }
+}
+
+/// The words of a name, in lower case.
+fn words(name: &str) -> Vec<String> {
+    let mut words: Vec<String> = Vec::new();
+    let mut before = ' ';
+    for c in name.chars() {
+        let begins = !before.is_alphanumeric() || (c.is_uppercase() && before.is_lowercase());
+        let after_side = words.len() == 1 && matches!(words[0].as_str(), "l" | "r");
+        if c.is_alphanumeric() {
+            if begins || (after_side && c.is_uppercase()) {
+                words.push(String::new());
+            }
+            if let Some(word) = words.last_mut() {
+                word.extend(c.to_lowercase());
+            }
+        }
+        before = c;
+    }
+    words
 }
 
 /// A name without the number at its end.
@@ -315,29 +380,43 @@ fn side(word: &str) -> Option<char> {
 }
 
 /// The names without the first parts, up to a separator, that most of them share: `mixamorig_`, `Bip01 `,
-/// `DEF-`. A side is none, also where all have the same.
+/// `DEF-`. A side is none, also where all have the same. Joints of hair and cloth may be called otherwise, so
+/// that what most joints of limbs share is a prefix, too.
 pub(super) fn without_prefix(mut names: Vec<&str>) -> Vec<&str> {
     let first_part = |name: &str| {
-        let at = name.find(|c: char| !c.is_alphanumeric())?;
-        let (separator, rest) = (name[at..].chars().next()?.len_utf8(), name.len());
-        let is_prefix =
-            at > 0 && at + separator < rest && side(&name[..at].to_lowercase()).is_none();
-        is_prefix.then(|| at + separator)
+        let end = starts(name).nth(1)?;
+        let part = name[..end].trim_end_matches(|c: char| !c.is_alphanumeric());
+        (!part.is_empty() && side(&part.to_lowercase()).is_none()).then_some(end)
     };
     loop {
-        let mut counts: HashMap<&str, usize> = HashMap::new();
-        for name in &names {
-            if let Some(end) = first_part(name) {
-                *counts.entry(&name[..end]).or_default() += 1;
-            }
-        }
-        // No two are shared by more than half.
-        let Some((prefix, _)) = counts.into_iter().find(|(_, count)| 4 * count >= 3 * names.len())
-        else {
-            return names;
-        };
-        for name in &mut names {
-            *name = name.strip_prefix(prefix).unwrap_or(name);
-        }
+        let parts = names.iter().filter_map(|name| Some(&name[..first_part(name)?]));
+        let Some(prefix) = shared(parts, names.len()) else { break };
+        names.iter_mut().for_each(|name| *name = name.strip_prefix(prefix).unwrap_or(name));
     }
+    // Of each limb's joint the shortest first parts that are not of its name, which may be empty.
+    let before_limb = |name: &&str| {
+        let is_limb = |start: &usize| Name::new(&name[*start..]).0.is_limb();
+        starts(name).find(is_limb)
+    };
+    let parts: Vec<&str> =
+        names.iter().filter_map(|name| Some(&name[..before_limb(name)?])).collect();
+    if let Some(prefix) = shared(parts.iter().copied(), parts.len()) {
+        names.iter_mut().for_each(|name| *name = name.strip_prefix(prefix).unwrap_or(name));
+    }
+    names
+}
+
+/// The starts of what remains of a name without some of its first parts, which end with a separator.
+fn starts(name: &str) -> impl Iterator<Item = usize> {
+    let separators = name.char_indices().filter(|(_, c)| !c.is_alphanumeric());
+    let ends = separators.map(|(at, c)| at + c.len_utf8());
+    std::iter::once(0).chain(ends.filter(|end| *end < name.len()))
+}
+
+/// What at least three in four of `count` names begin with.
+fn shared<'a>(parts: impl Iterator<Item = &'a str>, count: usize) -> Option<&'a str> {
+    let mut counts: HashMap<&str, usize> = HashMap::new();
+    parts.for_each(|part| *counts.entry(part).or_default() += 1);
+    // No two are shared by more than half.
+    counts.into_iter().find(|(_, shared)| 4 * shared >= 3 * count).map(|(part, _)| part)
 }

@@ -2,11 +2,12 @@
 
 use super::bones::{Bones, bones};
 use super::bvh::{Bvh, BvhError};
+use super::lowest::Lowest;
 use super::matching::{Matches, above, below, matches};
 use super::standing::{Standing, stand};
 use crate::pose::Pose;
-use crate::skeleton::Skeleton;
-use if_core::math::{Point, Real, Vector};
+use crate::skeleton::{Joint, Skeleton};
+use if_core::math::{Real, Vector};
 use nalgebra::UnitQuaternion;
 
 type Turn = UnitQuaternion<Real>;
@@ -29,7 +30,7 @@ pub(super) struct Retargeted {
 /// fingers. Joints of the spine are matched by their share of its length, and so are those of neck and head that
 /// no name matches, all others by name; those that the file lacks follow their parents. Translations are those of the [hips](hips), scaled by
 /// their heights in the rest pose of the file; joints above them stay as they are. The first frame is above the origin; the floor of the file, y = 0, is that of the body where its
-/// feet are near that, else its lowest joint.
+/// feet are near that, else its lowest joint or sole.
 ///
 /// # Errors
 ///
@@ -46,11 +47,7 @@ pub(super) fn retarget(mut bvh: Bvh, skeleton: &Skeleton) -> Result<Retargeted, 
     let joints = skeleton.joints();
     let root = joints[hips].head;
     let is_below = below(|j| joints[j].parent, joints.len(), |j| j == hips);
-    let own = joints.iter().zip(&is_below).filter(|(_, is_below)| **is_below);
-    let ends = own.flat_map(|(j, _)| [j.head.y, j.tail.y]);
-    let lowest = ends.fold(root.y, Real::min);
-    // Soles are a little lower than joints.
-    let floor = if lowest.abs() < SOLE * (root.y - lowest) { 0.0 } else { lowest };
+    let own = joints.iter().zip(&is_below).filter_map(|(j, is_below)| is_below.then_some(j));
 
     let mut align: Vec<Turn> = Vec::with_capacity(joints.len());
     let of_limb = below(|j| joints[j].parent, joints.len(), |j| is_limb[j]);
@@ -87,7 +84,10 @@ pub(super) fn retarget(mut bvh: Bvh, skeleton: &Skeleton) -> Result<Retargeted, 
         root_translation: Vector::zeros(),
         rotations: local(&vec![Turn::identity(); bvh.joints.len()]),
     };
-    let scale = own_hip_height(skeleton, &as_file, &is_below, hips) / height;
+    let both = Lowest::new(&bvh, skeleton, &matches, (&rest, height));
+    let scale = both.height(skeleton, &as_file, hips) / both.height_in_file;
+    let soles = (height - both.height_in_file) * scale;
+    let floor = floor(own, root.y, soles);
 
     let first = bvh.frames(hips_of_file).next();
     let start = first.map_or(Vector::zeros(), |(p, _)| Vector::new(p.x, 0.0, p.z));
@@ -100,18 +100,21 @@ pub(super) fn retarget(mut bvh: Bvh, skeleton: &Skeleton) -> Result<Retargeted, 
     Ok(Retargeted { poses: poses.collect(), unmatched, rest_frame: frame })
 }
 
-/// The height of the hips of a skeleton in a pose above the lowest joint below them.
-fn own_hip_height(skeleton: &Skeleton, pose: &Pose, is_below: &[bool], hips: usize) -> Real {
-    let frames = skeleton.frames(pose).expect("a turn for each joint");
-    let own = skeleton.joints().iter().zip(&frames).zip(is_below).filter(|(_, below)| **below);
-    let ends = own.flat_map(|((joint, frame), _)| {
-        [frame.translation.y, (frame * Point::from(joint.tail - joint.head)).y]
-    });
-    frames[hips].translation.y - ends.fold(Real::INFINITY, Real::min)
+/// The height of the floor of these joints, whose hips are at `hips`. Without a bone below their lowest one, soles
+/// are below it as far as in the file.
+fn floor<'a>(joints: impl Iterator<Item = &'a Joint>, hips: Real, soles: Real) -> Real {
+    let ends = |j: &Joint| [j.head, j.tail].map(|end| (end.y, j.head != j.tail));
+    let lowest = joints.flat_map(ends).min_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+    let (lowest, has_bone) = lowest.unwrap_or((hips, true));
+    let (most, soles) = if has_bone { (SOLE, 0.0) } else { (ANKLE, soles) };
+    if lowest.abs() < most * (hips - lowest) { 0.0 } else { lowest - soles }
 }
 
-/// Height of the lowest joint, as a share of that of the hips, up to which a body stands on y = 0.
+/// Height of the lowest end of a bone, as a share of that of the hips, up to which a body stands on y = 0: soles are
+/// a little lower than joints.
 const SOLE: Real = 0.1;
+/// The same of a joint without a bone, such as an ankle of glTF files.
+const ANKLE: Real = 0.2;
 /// Angle between the last bones of a limb or the head, beyond which the file has something else there: a
 /// foot whose bone leads down to the sole, a head whose bone leads to the face.
 const ASIDE: Real = std::f64::consts::FRAC_PI_4;

@@ -1,3 +1,4 @@
+mod gltf;
 mod standing;
 
 use super::*;
@@ -480,6 +481,45 @@ fn invalid_bvh_files_are_errors_that_name_the_place() {
     let text = format!("HIERARCHY ROOT a {{ OFFSET 0 0 0\n{deep}");
     assert!(error(&text).contains("the file ends where a joint"));
     assert!(matches!(Motion::read(&[0xff, 0xfe][..], &skeleton), Err(MotionError::Text)));
+}
+
+#[test]
+fn bvh_files_as_programs_write_them_are_read() {
+    let skeleton = crate::mannequin::rig::skeleton();
+    let poses = poses(&skeleton);
+    let good = written(&skeleton, &poses, 1.0);
+    let read = |bytes: &[u8]| Motion::read(bytes, &skeleton);
+    let expected = read(good.as_bytes()).unwrap();
+    let table = [
+        good.replace("Frames: 4", "Frames:4").replace("Time: 0.04", "Time:0.04"),
+        good.replace("Frames: 4", "Frames : 4").replace("Time: 0.04", "Time :0.04"),
+        good.replace("Frames: 4", "FRAMES:4"),
+        good.replace("End Site", "End Site headEnd"),
+        good.replace("End Site\n{", "End SiteHead{"),
+    ];
+    for text in table {
+        assert_eq!(read(text.as_bytes()).unwrap(), expected, "{text}");
+    }
+    // A joint that the skeleton lacks, called `Hüfte` in Latin-1.
+    let text = good.replacen("End Site", "JOINT H?fte {OFFSET 0 0 0}\nEnd Site", 1);
+    let latin: Vec<u8> = text.bytes().map(|byte| if byte == b'?' { 0xfc } else { byte }).collect();
+    assert_eq!(read(&latin).unwrap(), expected);
+
+    let second = good.replace("MOTION", "ROOT other {OFFSET 0 0 0}\nMOTION");
+    let table = [
+        (second, "expected MOTION (one person a file), found `ROOT`"),
+        (good.replacen("End Site\n{", "End Site\n}", 1), "expected {, found `}`"),
+        (good.replace("Frames:", "Frames"), "expected Frames:, found `Frames`"),
+        (good.replace("right", "east").replace("left", "west"), "joints of the BVH file"),
+        ("glTF\x02\0\0\0".into(), "animations are not read"),
+    ];
+    for (text, expected) in table {
+        let found = read(text.as_bytes()).unwrap_err().to_string();
+        assert!(found.contains(expected), "{found}");
+    }
+    for bytes in [&b"\xff\xfeH\0I\0"[..], b"\xfcHIERARCHY"] {
+        assert!(matches!(read(bytes), Err(MotionError::Text)));
+    }
 }
 
 /// Limbs as CMU names them, about a spine of these joints of the same shape.

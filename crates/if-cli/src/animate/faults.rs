@@ -53,6 +53,14 @@ pub(super) enum AnimateFault {
         )
     )]
     Skeleton { path: PathBuf, source: SkeletonError },
+    #[error("`{}` has no skin, and so no joints that a motion could turn", path.display())]
+    #[diagnostic(
+        code(ifg::input::skin),
+        help(
+            "export the body with its armature, as a skin; or give a body as PLY with weights and its skeleton with --skeleton, or as --motion a folder with the body in each frame"
+        )
+    )]
+    NoSkin { path: PathBuf },
     #[error("`{}` cannot be used", path.display())]
     #[diagnostic(code(ifg::input::motion), help("docs/animate.md specifies motions"))]
     Motion { path: PathBuf, source: MotionError },

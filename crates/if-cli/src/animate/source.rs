@@ -117,16 +117,18 @@ impl SourceArgs {
     fn skeleton(&self, spec: &OutfitSpec, files: &OutfitFiles) -> Result<Skeleton, AnimateFault> {
         let beside = || spec.body.path.with_file_name("skeleton.json");
         let path = self.skeleton.clone().unwrap_or_else(beside);
-        let joints = match files.files().next().map(MeshFile::content) {
-            Some(Content::Gltf(body)) if self.skeleton.is_none() && !path.exists() => body.joints(),
-            _ => &[],
-        };
-        match joints {
-            [] => Skeleton::read_path(&path)
+        match files.files().next().map(MeshFile::content) {
+            Some(Content::Gltf(body)) if self.skeleton.is_none() && !path.exists() => {
+                let path = &spec.body.path;
+                if body.joints().is_empty() {
+                    return Err(AnimateFault::NoSkin { path: path.clone() });
+                }
+                Skeleton::from_gltf(body.joints())
+                    .and_then(|skeleton| skeleton.scaled(spec.scale))
+                    .map_err(|source| AnimateFault::Skeleton { path: path.clone(), source })
+            }
+            _ => Skeleton::read_path(&path)
                 .map_err(|source| AnimateFault::Skeleton { path: path.clone(), source }),
-            joints => Skeleton::from_gltf(joints)
-                .and_then(|skeleton| skeleton.scaled(spec.scale))
-                .map_err(|source| AnimateFault::Skeleton { path: spec.body.path.clone(), source }),
         }
     }
 

@@ -397,10 +397,16 @@ fn the_skin_of_a_body_moves_it() {
     let unskinned = command.replace("skinned.gltf", "body_clean.ply").replace("moved", "none");
     let run = folder.ifg(&unskinned).expect(2);
     assert!(run.stderr.contains("skeleton.json` cannot be used"), "{}", run.stderr);
+    folder.write("doll/bare.glb", glb(&[("doll", &mesh)]));
+    let run = folder.ifg(&command.replace("skinned.gltf", "bare.glb").replace("moved", "none"));
+    assert!(run.expect(2).stderr.contains("bare.glb` has no skin"));
     std::fs::rename(folder.path("kept.json"), folder.path("doll/skeleton.json")).unwrap();
     write_skinned(&folder, &mesh, "tail");
     let run = folder.ifg(&command.replace("moved", "other")).expect(2);
     let flat = run.stderr.split_whitespace().collect::<Vec<_>>().join(" ");
     assert!(flat.contains("the joint `tail`, which the skeleton does not have"), "{}", run.stderr);
+    let of_gltf = command.replace("motion.json", "skinned.gltf").replace("moved", "other");
+    let run = folder.ifg(&of_gltf).expect(2);
+    assert!(run.stderr.contains("animations are not read"), "{}", run.stderr);
     assert!(!folder.path("other").exists());
 }

@@ -65,7 +65,7 @@ impl Placings {
 /// The joints of a skin and their weights for each vertex.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Influences {
-    /// Names of the joints' nodes; empty if a node has none.
+    /// Names of the joints' nodes; `joint 7` if node 7 has none.
     pub joints: Vec<String>,
     /// For each vertex indices of joints, and their weights, of which none is zero.
     pub of_vertex: Vec<Vec<(usize, Real)>>,
@@ -124,7 +124,7 @@ impl GltfMesh {
         Some(Influences { joints, of_vertex })
     }
 
-    /// The joints of all skins of the file.
+    /// The joints of all skins of the file; those that have the names of joints of this surface's skins are these.
     pub fn joints(&self) -> &[SkinJoint] {
         &self.joints
     }

@@ -112,7 +112,7 @@ pub(super) fn read_with(
     let Reader { data, parts, .. } = reader;
     let mesh = TriMesh::new(vertices, triangles)?;
     let (source, node) = (data.source, node.map(str::to_owned));
-    let (images, joints) = (images(&document), placed.joints(&document));
+    let (images, joints) = (images(&document), placed.joints(&document, chosen));
     Ok(GltfMesh { source, node, mesh, parts, collapsed, shared, images, joints })
 }
 

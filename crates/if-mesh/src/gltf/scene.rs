@@ -1,7 +1,8 @@
 //! The nodes of a scene and their transforms.
 
-use super::document::{Document, Node, entry};
+use super::document::{Document, Node, Skin, entry};
 use super::error::ReadError;
+use super::joints::{Joints, joint_name};
 use super::placing::Affine;
 use if_core::math::{Point, Vector};
 use nalgebra::{Matrix3, Quaternion, UnitQuaternion};
@@ -9,7 +10,7 @@ use nalgebra::{Matrix3, Quaternion, UnitQuaternion};
 /// A joint of a skin, where the scene shows it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SkinJoint {
-    /// The name of its node; empty if that has none.
+    /// The name of its node; `joint 7` if node 7 has none.
     pub name: String,
     /// The nearest joint above it; parents come before their children.
     pub parent: Option<usize>,
@@ -62,25 +63,37 @@ impl Placed {
 
     /// The joints of all skins: in the order of their list, if all have the same one and parents come first in
     /// it; else as the scene lists them, parents first.
-    pub(super) fn joints(&self, document: &Document) -> Vec<SkinJoint> {
-        let mut is_joint = vec![false; document.nodes.len()];
-        let of_skins = document.skins.iter().flat_map(|skin| &skin.joints);
-        of_skins.for_each(|&node| is_joint.get_mut(node).into_iter().for_each(|is| *is = true));
+    /// Of [copies](Joints) only what is below them is added, to the joints that are copied.
+    pub(super) fn joints(&self, document: &Document, chosen: &[usize]) -> Vec<SkinJoint> {
+        let Joints { is_joint, same_as } = Joints::of_skins(document, chosen);
         let mut place = vec![None; document.nodes.len()];
         let (mut joints, mut nodes) = (Vec::new(), Vec::new());
+        // What is below a copy comes after all that may be copied.
+        let mut is_late = vec![false; document.nodes.len()];
         for &node in &self.all {
+            is_late[node] =
+                same_as[node].is_some() || self.parent[node].is_some_and(|p| is_late[p]);
+        }
+        let (late, early): (Vec<usize>, Vec<usize>) =
+            self.all.iter().partition(|node| is_late[**node]);
+        for node in early.into_iter().chain(late) {
             // Nodes that are no joint stand for the joint above them.
-            let parent = self.parent[node].and_then(|p| place[p]);
-            place[node] = parent;
+            let parent = self.parent[node].and_then(|p: usize| place[p]);
+            place[node] = same_as[node].map_or(parent, |same: usize| place[same]);
             if is_joint[node] {
                 place[node] = Some(joints.len());
-                let name = document.nodes[node].name.clone().unwrap_or_default();
                 nodes.push(node);
+                let name = joint_name(document, node);
                 joints.push(SkinJoint { name, parent, place: self.world[node].shift.into() });
             }
         }
-        let Some((first, others)) = document.skins.split_first() else { return joints };
-        if others.iter().any(|skin| skin.joints != first.joints) {
+        // Skins without a joint of their own are none.
+        let has_own = |skin: &&Skin| {
+            skin.joints.iter().any(|node| is_joint.get(*node).is_none_or(|is_joint| *is_joint))
+        };
+        let mut skins = document.skins.iter().filter(has_own);
+        let Some(first) = skins.next() else { return joints };
+        if skins.any(|skin| skin.joints != first.joints) {
             return joints;
         }
         let mut in_list = vec![None; document.nodes.len()];

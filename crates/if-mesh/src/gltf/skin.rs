@@ -4,6 +4,7 @@ use super::accessor::Wanted;
 use super::data::{Data, POSITION};
 use super::document::entry;
 use super::error::ReadError;
+use super::joints::joint_name;
 use super::placing::Affine;
 use super::scene::Placed;
 use if_core::math::{Real, Vector};
@@ -104,8 +105,8 @@ impl Data<'_> {
             }
         }
         let name = |&joint: &usize| {
-            let node = entry(&document.nodes, "joint node", joint)?;
-            Ok(node.name.clone().unwrap_or_default())
+            entry(&document.nodes, "joint node", joint)?;
+            Ok(joint_name(document, joint))
         };
         let joints = skin.joints.iter().map(name).collect::<Result<_, ReadError>>()?;
         Ok(Some(Skinned { joints, sets: 4 * found.len(), slots }))

@@ -330,6 +330,41 @@ fn joints_are_numbered_as_in_the_one_list_of_skins() {
 }
 
 #[test]
+fn joints_of_another_armature_with_the_names_of_the_body_s_are_these() {
+    let mut builder = Builder::new();
+    // The garment's armature comes first, and has a joint more, below one that the body has, too.
+    let mut armature = |extra: &[&str]| {
+        let mut below = |name: &&str| builder.push("nodes", json!({"name": name}));
+        let extra: Vec<usize> = extra.iter().map(&mut below).collect();
+        let leg = builder.push("nodes", json!({"name": "leg", "children": extra}));
+        let hips = builder.node(json!({"name": "hips", "children": [leg]}));
+        [vec![hips, leg], extra].concat()
+    };
+    let [of_garment, of_body] = [armature(&["belt"]), armature(&[])];
+    builder.document["skins"] = json!([{"joints": of_garment}, {"joints": of_body}]);
+    builder.square(0.0, json!({"name": "garment", "skin": 0}));
+    builder.square(1.0, json!({"name": "body", "skin": 1}));
+    for name in ["body", "garment"] {
+        let mesh = read_layer(builder.bytes(), Some(name), None).unwrap();
+        let joints: Vec<(&str, Option<usize>)> =
+            mesh.joints().iter().map(|joint| (joint.name.as_str(), joint.parent)).collect();
+        assert_eq!(joints, [("hips", None), ("leg", Some(0)), ("belt", Some(1))], "{name}");
+    }
+}
+
+#[test]
+fn joints_without_a_name_are_called_by_their_node() {
+    let mut builder = Builder::new();
+    builder.square(0.0, json!({}));
+    let hand = builder.push("nodes", json!({}));
+    let arm = builder.node(json!({"name": "", "children": [hand]}));
+    builder.document["skins"] = json!([{"joints": [arm, hand]}]);
+    let names: Vec<String> =
+        builder.read().unwrap().joints().iter().map(|joint| joint.name.clone()).collect();
+    assert_eq!(names, [format!("joint {arm}"), format!("joint {hand}")]);
+}
+
+#[test]
 fn joints_of_skins_lie_where_the_scene_shows_them() {
     let mut builder = Builder::new();
     builder.square(0.0, json!({}));
