@@ -69,11 +69,11 @@ impl<'a> Edit<'a> {
     }
 
     /// Stores the elements of an accessor as single-precision numbers, at the end of a buffer.
-    pub(super) fn replace(
+    pub(super) fn replace<const N: usize>(
         &mut self,
         accessor: usize,
         buffer: usize,
-        rows: &[[Real; 3]],
+        rows: &[[Real; N]],
     ) -> Result<(), WriteError> {
         let bytes = self.bytes(buffer);
         bytes.resize(bytes.len().next_multiple_of(4), 0);

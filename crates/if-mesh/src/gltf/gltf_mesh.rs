@@ -33,6 +33,8 @@ pub(super) struct Part {
     pub(super) positions: Elements,
     /// As many as positions.
     pub(super) normals: Option<Elements>,
+    /// Directions along the surface, with the side of the third one.
+    pub(super) tangents: Option<Elements>,
     /// As many as positions.
     pub(super) texture: Option<Elements>,
     pub(super) placings: Placings,

@@ -87,6 +87,16 @@ impl Placing {
         self.map.linear.transpose() * n
     }
 
+    /// A direction along the surface of the file, in the scene; not of length 1.
+    pub(super) fn tangent_forward(&self, t: &Vector) -> Vector {
+        self.map.linear * t
+    }
+
+    /// A direction along the surface of the scene, in the file.
+    pub(super) fn tangent_back(&self, t: &Vector) -> Vector {
+        self.inverse() * t
+    }
+
     fn inverse(&self) -> Matrix3<Real> {
         self.map.inverse().expect("the reader refuses other maps")
     }
@@ -109,6 +119,8 @@ mod tests {
         let turned = placing.normal_forward(&n);
         assert!(turned.dot(&(map.linear * u)).abs() < 1e-12);
         assert!((placing.normal_back(&turned) - n).norm() < 1e-12);
+        assert!(turned.dot(&placing.tangent_forward(&u)).abs() < 1e-12);
+        assert!((placing.tangent_back(&placing.tangent_forward(&u)) - u).norm() < 1e-12);
         assert!(!Affine { linear: Matrix3::zeros(), ..map }.is_invertible());
     }
 }

@@ -18,6 +18,7 @@ use std::io;
 use std::path::{Path, PathBuf};
 
 const NORMAL: Wanted = Wanted { what: "NORMAL", ..POSITION };
+const TANGENT: Wanted = Wanted { what: "TANGENT", kind: "VEC4", ..POSITION };
 const TEXTURE: Wanted = Wanted { what: "TEXCOORD_0", kind: "VEC2", ..POSITION };
 const INDICES: Wanted = Wanted {
     what: "indices",
@@ -194,9 +195,13 @@ impl Reader<'_> {
         };
         let normals = normals.filter(|n| n.count == positions.count);
         // Nothing depends on them here, so that invalid ones are as if there were none.
-        let texture = primitive.attributes.get("TEXCOORD_0");
-        let texture = texture.and_then(|&at| self.data.elements(at, &TEXTURE).ok());
-        let texture = texture.filter(|t| t.count == positions.count);
+        let mut other = |name: &str, wanted| {
+            let found = primitive.attributes.get(name);
+            let found = found.and_then(|&at| self.data.elements(at, wanted).ok());
+            found.filter(|elements| elements.count == positions.count)
+        };
+        let tangents = other("TANGENT", &TANGENT);
+        let texture = other("TEXCOORD_0", &TEXTURE);
         let (placings, skinned) = self.placings(node, at, placed, positions.count)?;
         let first = vertices.len();
         for element in 0..positions.count {
@@ -209,7 +214,7 @@ impl Reader<'_> {
             vertices.push(p);
         }
         let part = self.parts.len();
-        self.parts.push(Part { first, positions, normals, texture, placings, skinned });
+        self.parts.push(Part { first, positions, normals, tangents, texture, placings, skinned });
         self.of.entry(accessor).or_default().push((node, part));
         Ok(part)
     }

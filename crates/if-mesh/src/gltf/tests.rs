@@ -198,6 +198,42 @@ fn normals_turn_with_the_surface_in_the_coordinates_of_their_node() {
 }
 
 #[test]
+fn tangents_turn_with_the_normals_and_keep_their_side() {
+    // As floats, as bytes that stand for shares, and as others, which are replaced by floats.
+    for (code, normalized) in [(5126, false), (5120, true), (5120, false)] {
+        let mut builder = Builder::new();
+        builder.square(0.0, json!({"rotation": [0.5f64.sqrt(), 0, 0, 0.5f64.sqrt()]}));
+        let tangents = match code {
+            5126 => builder.floats("VEC4", 4, [[1.0, 0.0, 0.0, -1.0]; 4].as_flattened()),
+            _ => {
+                let one = if normalized { 127 } else { 1 };
+                let row = [one, 0, 0, (-(one as i8)) as u8];
+                builder.accessor("VEC4", code, 4, &[row; 4].concat())
+            }
+        };
+        builder.document["accessors"][tangents]["normalized"] = json!(normalized);
+        if !normalized && code == 5120 {
+            builder.document["extensionsRequired"] = json!(["KHR_mesh_quantization"]);
+            builder.document["extensionsUsed"] = json!(["KHR_mesh_quantization"]);
+        }
+        let attributes = &mut builder.document["meshes"][0]["primitives"][0]["attributes"];
+        attributes["TANGENT"] = json!(tangents);
+        let glb = builder.read().unwrap();
+        // It lies along +x and faces −y in the scene; turned about z it lies along −y.
+        let v = glb.mesh().vertices();
+        let turned: Vec<Point> = v.iter().map(|p| Point::new(p.y, -p.x, p.z)).collect();
+        let again = read(written(&glb, &turned)).unwrap();
+        let tangents = again.parts[0].tangents.unwrap();
+        for k in 0..4 {
+            // −y of the scene is +z of the node.
+            let [x, y, z, side] = tangents.values::<4>(&again.source, k);
+            assert!((Vector::new(x, y, z) - Vector::z()).norm() < 1e-6, "{code} {x} {y} {z}");
+            assert!((side + 1.0).abs() < 1e-6, "{side}");
+        }
+    }
+}
+
+#[test]
 fn joints_and_morph_targets_place_vertices_and_are_undone() {
     let mut builder = Builder::new();
     let node = builder.square(0.0, json!({"translation": [5, 5, 5], "skin": 0}));

@@ -4,6 +4,7 @@ use super::accessor::Elements;
 use super::edit::{Beside, Edit, GltfFiles};
 use super::error::WriteError;
 use super::gltf_mesh::{GltfMesh, Part};
+use super::placing::Placing;
 use super::read::read_with;
 use crate::normals::{Normals, Turns};
 use if_core::math::{Point, Real, Vector};
@@ -54,8 +55,14 @@ pub fn write_layers(
         };
         for part in &gltf.parts {
             place(gltf, part, positions, &mut edit)?;
-            if let (Some(turns), Some(normals)) = (&turns, &part.normals) {
-                turn(gltf, part, (normals, turns), &mut edit)?;
+            let Some(turns) = &turns else { continue };
+            if let Some(normals) = &part.normals {
+                let maps: Maps = (Placing::normal_forward, Placing::normal_back);
+                turn::<3>(gltf, part, (normals, turns), maps, &mut edit)?;
+            }
+            if let Some(tangents) = &part.tangents {
+                let maps: Maps = (Placing::tangent_forward, Placing::tangent_back);
+                turn::<4>(gltf, part, (tangents, turns), maps, &mut edit)?;
             }
         }
     }
@@ -136,36 +143,44 @@ fn place(
     Ok(())
 }
 
-/// Turns the normals with the surface.
-fn turn(
+/// From a direction of the file to one of the scene, and back.
+type Maps = (fn(&Placing, &Vector) -> Vector, fn(&Placing, &Vector) -> Vector);
+
+/// Turns normals, or tangents, which have a fourth number, with the surface.
+fn turn<const N: usize>(
     gltf: &GltfMesh,
     part: &Part,
-    (normals, turns): (&Elements, &Turns),
+    (directions, turns): (&Elements, &Turns),
+    (forward, back): Maps,
     edit: &mut Edit<'_>,
 ) -> Result<(), WriteError> {
     let turned = |k: usize, stored: &Vector| {
         let placing = part.placings.of(k);
-        let n = placing.normal_forward(stored).try_normalize(0.0)?;
+        let n = forward(&placing, stored).try_normalize(0.0)?;
         let turned = turns.turned(part.first + k, &n)?;
-        placing.normal_back(&turned).try_normalize(0.0)
+        back(&placing, &turned).try_normalize(0.0)
     };
-    let stored = |k: usize| Vector::from(normals.values::<3>(&gltf.source, k));
-    let changes: Vec<(usize, Vector)> =
-        (0..normals.count).filter_map(|k| Some((k, turned(k, &stored(k))?))).collect();
+    let stored = |k: usize| directions.values::<N>(&gltf.source, k);
+    let direction = |row: [Real; N]| Vector::new(row[0], row[1], row[2]);
+    let changes: Vec<(usize, Vector)> = (0..directions.count)
+        .filter_map(|k| Some((k, turned(k, &direction(stored(k)))?)))
+        .collect();
     if changes.is_empty() {
         return Ok(());
     }
-    if normals.is_direction_in_place() {
+    if directions.is_direction_in_place() {
         for (k, n) in changes {
-            normals.put(edit.bytes(normals.buffer), k, n.into());
+            directions.put(edit.bytes(directions.buffer), k, n.into());
         }
     } else {
-        let mut rows: Vec<[Real; 3]> = (0..normals.count).map(|k| stored(k).into()).collect();
-        changes.into_iter().for_each(|(k, n)| rows[k] = n.into());
-        edit.replace(normals.accessor, normals.home, &rows)?;
+        let mut rows: Vec<[Real; N]> = (0..directions.count).map(stored).collect();
+        for (k, n) in changes {
+            rows[k][..3].copy_from_slice(n.as_slice());
+        }
+        edit.replace(directions.accessor, directions.home, &rows)?;
     }
-    // Bounds of normals are optional, and would not be theirs any more.
-    if let Some(about) = edit.accessor(normals.accessor)?.as_object_mut() {
+    // Bounds of directions are optional, and would not be theirs any more.
+    if let Some(about) = edit.accessor(directions.accessor)?.as_object_mut() {
         about.shift_remove("min");
         about.shift_remove("max");
     }
