@@ -68,10 +68,12 @@ fn triangles(inside: u8) -> Vec<[u8; 3]> {
 /// their edges.
 const LONGEST: usize = 7;
 
+/// Diagonals in sides of the cube, and the sum of squared lengths of all.
+type Cost = (usize, usize);
+
 /// Fills the part `from ..= to` of a loop, closed by the diagonal between its ends, with as few
-/// diagonals in sides of the cube as can be, and in the longest loops with short ones; returns their number
-/// and the sum of their squared lengths.
-fn fill(cycle: &[u8], from: usize, to: usize, out: &mut Vec<[u8; 3]>) -> (usize, usize) {
+/// diagonals in sides of the cube as can be, and in the longest loops with short ones.
+fn fill(cycle: &[u8], from: usize, to: usize, out: &mut Vec<[u8; 3]>) -> Cost {
     if to - from < 2 {
         return (0, 0);
     }
@@ -82,7 +84,7 @@ fn fill(cycle: &[u8], from: usize, to: usize, out: &mut Vec<[u8; 3]>) -> (usize,
         let (a, b) = (cycle[i], cycle[j]);
         (usize::from(share_a_side(a, b)), if cycle.len() < LONGEST { 0 } else { apart(a, b) })
     };
-    let mut best: Option<((usize, usize), Vec<[u8; 3]>)> = None;
+    let mut best: Option<(Cost, Vec<[u8; 3]>)> = None;
     for middle in from + 1..to {
         let mut part = vec![[cycle[from], cycle[middle], cycle[to]]];
         let costs = [
@@ -103,7 +105,7 @@ fn fill(cycle: &[u8], from: usize, to: usize, out: &mut Vec<[u8; 3]>) -> (usize,
 
 /// Squared distance between the middles of two edges, in half edges.
 fn apart(a: u8, b: u8) -> usize {
-    let middle = |e: u8, k: u8| 2 * (e / 3 >> k & 1) + u8::from(e % 3 == k);
+    let middle = |e: u8, k: u8| 2 * ((e / 3) >> k & 1) + u8::from(e % 3 == k);
     (0..3).map(|k| usize::from(middle(a, k).abs_diff(middle(b, k))).pow(2)).sum()
 }
 

@@ -156,9 +156,9 @@ fn turn<const N: usize>(
 ) -> Result<(), WriteError> {
     let turned = |k: usize, stored: &Vector| {
         let placing = part.placings.of(k);
-        let n = forward(&placing, stored).try_normalize(0.0)?;
+        let n = forward(placing, stored).try_normalize(0.0)?;
         let turned = turns.turned(part.first + k, &n)?;
-        back(&placing, &turned).try_normalize(0.0)
+        back(placing, &turned).try_normalize(0.0)
     };
     let stored = |k: usize| directions.values::<N>(&gltf.source, k);
     let direction = |row: [Real; N]| Vector::new(row[0], row[1], row[2]);
