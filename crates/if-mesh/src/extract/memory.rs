@@ -17,10 +17,10 @@ const TWICE: usize = 2;
 const EVALUATED: usize = 120;
 /// Bytes for a vertex: its edge (32), two triangles (24), position (24), value (8), and the tree that finds intersecting
 /// triangles, also while it is built; or samples (32) and the copies of planes (up to 72) before there are.
-const VERTEX: usize = 440;
+const VERTEX: usize = 590;
 /// Bytes for a vertex that is relaxed: mesh, its copy, samples, three edges and six corners in
 /// tables, normals and positions; or both meshes, edges, tree and fans.
-const RELAXED: usize = 650;
+const RELAXED: usize = 680;
 
 /// Bytes of the rows of a set with `size` places along each axis while it is built.
 fn rows(size: [u32; 3]) -> usize {
