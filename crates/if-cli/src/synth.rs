@@ -2,6 +2,7 @@
 
 use crate::cancel;
 use crate::end::End;
+use crate::output_error::OutputError;
 use crate::print::{print, print_json};
 use crate::progress::Line;
 use crate::table::count;
@@ -144,6 +145,9 @@ pub(crate) fn run(args: &SynthArgs) -> Result<End, Report> {
         }
         Err(source @ SynthError::Capture(CaptureError::BadName { .. })) => {
             return Err(SynthFault::Params { source }.into());
+        }
+        Err(SynthError::Capture(CaptureError::Busy { path })) => {
+            return Err(OutputError::Busy { path }.into());
         }
         Err(source) => return Err(SynthFault::Write { source }.into()),
     };
