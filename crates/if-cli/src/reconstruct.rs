@@ -1,7 +1,9 @@
 //! `ifg reconstruct`: a capture becomes garments of a wardrobe.
 
+mod claim;
 mod names;
 mod page;
+mod state;
 mod summary;
 
 use crate::cancel;
@@ -11,6 +13,7 @@ use crate::output_error::OutputError;
 use crate::print::{print, print_json};
 use crate::progress::Line;
 use crate::values::{above_zero, pose_sigma};
+use claim::{Claim, Running};
 use clap::Args;
 use if_body::{TemplateBody, check_upright};
 use if_core::monitor::Progress;
@@ -23,11 +26,11 @@ use if_pipeline::asset::{LayerHint, Parts, Provenance};
 use if_pipeline::capture::{Capture, CaptureError, PoseSigma, write_poses};
 use if_pipeline::reconstruct::{
     FieldsParams, MotionNetworkParams, MotionParams, PhiNetwork, PhiParams, PoseParams,
-    ReconstructError, ReconstructParams, Reconstruction, fields_checkpoint, reconstruct,
-    write_frames,
+    ReconstructError, ReconstructParams, Reconstruction, reconstruct, write_frames,
 };
 use if_pipeline::wardrobe::{NewBody, Part, Wardrobe, WardrobeError};
 use miette::{Diagnostic, Report};
+use state::State;
 use std::error::Error;
 use std::fs;
 use std::io;
@@ -132,8 +135,6 @@ pub(crate) enum MotionFrom {
 const CLOTHED: &str = "clothed";
 /// What a clothed person was made of, in its folder.
 const PROVENANCE: &str = "provenance.json";
-/// What a stopped run has reached, in the wardrobe's folder, with the capture's name before it.
-const STATE: &str = "reconstruct.state";
 
 /// Why nothing was reconstructed.
 #[derive(Debug, thiserror::Error, Diagnostic)]
@@ -210,18 +211,33 @@ pub(crate) fn run(args: &ReconstructArgs) -> Result<End, Report> {
         format!("template body `{}` cannot be used", args.body.display()),
         "rotate its files, and the capture",
     ))?;
-    let prefix = args.prefix.clone().unwrap_or_else(|| format!("{name}_"));
-    let names = names::assets(&capture, &prefix)
+    let usual = format!("{name}_");
+    let prefix = args.prefix.as_ref().unwrap_or(&usual);
+    let names = names::assets(&capture, prefix)
         .map_err(fault("cannot name the garments", "give --prefix another text"))?;
     let writing = |what: &str| format!("cannot write {what} into `{}`", args.out.display());
     const ROOM: &str = "make room there, or give --out another folder that you may write to";
     fs::create_dir_all(&args.out).map_err(fault(writing("anything"), ROOM))?;
+    let own_prefix = (*prefix != usual).then(|| names::fitting(prefix));
+    let state = State::of(&args.out, &name, own_prefix.as_deref());
+    let made_of = provenance(args);
+    let clothed = args.out.join(CLOTHED);
+    let claim = Claim {
+        clothed: name.clone(),
+        source: made_of.source.clone(),
+        state: PathBuf::from(state.path().file_name().unwrap_or_default()),
+        garments: names.clone(),
+    };
+    // Held until everything is written.
+    let running = Running::claim(&args.out, &claim)
+        .map_err(fault(writing("anything"), ROOM))?
+        .ok_or_else(|| OutputError::Busy { path: clothed.join(&name) })?;
+    state.remove_partial();
     // A wardrobe that cannot be read is told of before the work, not after it.
     let wardrobe = Wardrobe::open(&args.out).map_err(fault(
         format!("cannot open wardrobe `{}`", args.out.display()),
         "formats are specified in docs/reference/wardrobe.md",
     ))?;
-    let made_of = provenance(args);
     refuse_taken_names(args, (&wardrobe, &made_of), &name, &names)?;
     drop(wardrobe);
     let paths = BodyPaths::of(&args.body);
@@ -229,13 +245,16 @@ pub(crate) fn run(args: &ReconstructArgs) -> Result<End, Report> {
         format!("template body `{}` cannot be added to a wardrobe", args.body.display()),
         "look at its files; docs/reference/capture.md specifies them",
     ))?;
-    let state = args.out.join(format!(".{name}.{STATE}"));
     let start = Instant::now();
     let mut pace = Pace::new();
-    let found = reconstruct(&capture, &template, &params, Some(&state), &mut |p: &Progress| {
+    let mut monitor = |p: &Progress| {
         line.message(&described(p, pace.seconds_left(p)));
         if cancel::is_requested() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
-    });
+    };
+    let found = state.with(
+        |path| reconstruct(&capture, &template, &params, Some(path), &mut monitor),
+        |note| line.aside(|| errors::note(note)),
+    );
     let found = match found {
         Ok(found) => found,
         Err(ReconstructError::Cancelled(_)) => {
@@ -259,6 +278,9 @@ pub(crate) fn run(args: &ReconstructArgs) -> Result<End, Report> {
     };
     let network = network.transpose().map_err(fault(writing("φ"), ROOM))?;
     let finished = (&capture, &found, &made_of);
+    let writer = FolderWriter::wait(&clothed, PATIENCE)
+        .map_err(fault(writing("the clothed body"), ROOM))?
+        .ok_or(OutputError::Busy { path: clothed })?;
     // Another process may have written there meanwhile.
     let wardrobe = Wardrobe::open(&args.out).map_err(fault(writing("assets"), ROOM))?;
     refuse_taken_names(args, (&wardrobe, &made_of), &name, &names)?;
@@ -268,16 +290,10 @@ pub(crate) fn run(args: &ReconstructArgs) -> Result<End, Report> {
         error if error.kind() == "io" => fault(writing("assets"), ROOM)(error).into(),
         error => fault(writing("assets"), "look at what is named")(error).into(),
     })?;
-    let clothed = args.out.join(CLOTHED);
-    let writer = FolderWriter::wait(&clothed, PATIENCE)
-        .map_err(fault(writing("the clothed body"), ROOM))?
-        .ok_or(OutputError::Busy { path: clothed })?;
     write_clothed(args, (&writer, &name), finished, &template)
         .map_err(fault(writing("the clothed body"), ROOM))?;
-    for state in [&state, &fields_checkpoint(&state)] {
-        let _ = fs::remove_file(state); // of no use any more
-    }
-    drop(line);
+    state.remove();
+    drop((running, line));
     for name in earlier {
         errors::note(&format!(
             "garment `{name}` stays from an earlier reconstruction of this capture: this one has not made it. Remove its folder if it is of no use"
