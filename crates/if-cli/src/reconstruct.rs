@@ -5,6 +5,7 @@ mod names;
 mod page;
 mod state;
 mod summary;
+mod taken;
 
 use crate::cancel;
 use crate::end::End;
@@ -28,7 +29,7 @@ use if_pipeline::reconstruct::{
     FieldsParams, MotionNetworkParams, MotionParams, PhiNetwork, PhiParams, PoseParams,
     ReconstructError, ReconstructParams, Reconstruction, reconstruct, write_frames,
 };
-use if_pipeline::wardrobe::{NewBody, Part, Wardrobe, WardrobeError};
+use if_pipeline::wardrobe::{NewBody, Wardrobe, WardrobeError};
 use miette::{Diagnostic, Report};
 use state::State;
 use std::error::Error;
@@ -39,6 +40,7 @@ use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 use summary::{summary, warnings};
+use taken::Names;
 
 #[derive(Args, Debug, Clone)]
 pub(crate) struct ReconstructArgs {
@@ -59,6 +61,10 @@ pub(crate) struct ReconstructArgs {
     /// underscore.
     #[arg(long, value_name = "TEXT")]
     pub(crate) prefix: Option<String>,
+    /// Replace what was made of this capture before its meta.json was changed. Without this that is
+    /// an error: it may be another person's. Nothing of another folder is ever replaced.
+    #[arg(long)]
+    pub(crate) replace: bool,
     /// Side of the cells of the canonical mesh, with a unit; 8mm by default.
     #[arg(long, value_name = "LENGTH", value_parser = above_zero)]
     pub(crate) cell: Option<f64>,
@@ -154,25 +160,10 @@ fn fault<E: Error + 'static>(
     move |error| Fault { context, help, source: ErrorChain::new(&error) }
 }
 
-/// A garment or a clothed person that is somebody else's.
-#[derive(Debug, thiserror::Error)]
-#[error("the wardrobe has {what}, made of another capture, `{source_of}`")]
-struct Taken {
-    what: String,
-    source_of: String,
-}
-
 /// A grid of φ of 3 MB a garment: off by 0.07 mm on average near it. The default takes 10 MB and is off
 /// by 0.05 mm (docs/evidence/reconstruction.md).
 fn small_bake() -> BakeParams {
     BakeParams { accuracy: 2e-3, reach: 0.01, band: 0.03, ..BakeParams::default() }
-}
-
-/// Whether something was made of another capture: another path, unless that is gone and this one has its
-/// content. (Captures of one person in other clothes may differ in their pictures alone.)
-fn is_of_another(made: &Provenance, this: &Provenance) -> bool {
-    let is_moved = || made.sha256 == this.sha256 && !Path::new(&made.source).exists();
-    made.source != this.source && !is_moved()
 }
 
 /// What garments are made of.
@@ -238,7 +229,14 @@ pub(crate) fn run(args: &ReconstructArgs) -> Result<End, Report> {
         format!("cannot open wardrobe `{}`", args.out.display()),
         "formats are specified in docs/reference/wardrobe.md",
     ))?;
-    refuse_taken_names(args, (&wardrobe, &made_of), &name, &names)?;
+    let taken = Names {
+        capture: &args.capture,
+        made_of: &made_of,
+        clothed: &name,
+        garments: &names,
+        replace: args.replace,
+    };
+    taken.refuse_taken(&wardrobe)?;
     drop(wardrobe);
     let paths = BodyPaths::of(&args.body);
     Wardrobe::check_body(&paths.body()).map_err(fault(
@@ -283,7 +281,7 @@ pub(crate) fn run(args: &ReconstructArgs) -> Result<End, Report> {
         .ok_or(OutputError::Busy { path: clothed })?;
     // Another process may have written there meanwhile.
     let wardrobe = Wardrobe::open(&args.out).map_err(fault(writing("assets"), ROOM))?;
-    refuse_taken_names(args, (&wardrobe, &made_of), &name, &names)?;
+    taken.refuse_taken(&wardrobe)?;
     let written = write_assets((wardrobe, &paths.body()), &names, finished, network.as_deref());
     let earlier = written.map_err(|error| match error {
         WardrobeError::Busy { path } => Report::from(OutputError::Busy { path }),
@@ -354,48 +352,6 @@ fn parameters(args: &ReconstructArgs) -> Result<ReconstructParams, Fault> {
         .validate()
         .map_err(fault("these options cannot be used", "see ifg reconstruct --help"))?;
     Ok(params)
-}
-
-/// Refuses a capture whose garments or whose clothed person would replace those of another one.
-fn refuse_taken_names(
-    args: &ReconstructArgs,
-    (wardrobe, this): (&Wardrobe, &Provenance),
-    name: &str,
-    names: &[String],
-) -> Result<(), Fault> {
-    let taken = |what: String, made: &Provenance, help| {
-        let context = format!("`{}` cannot be added", args.capture.display());
-        Err(fault(context, help)(Taken { what, source_of: made.source.clone() }))
-    };
-    let is_other = |made: &Provenance| is_of_another(made, this);
-    let mut garments = wardrobe.garments().iter().filter(|(_, g)| is_other(&g.provenance));
-    if let Some((garment, info)) = garments.find(|(garment, _)| names.contains(garment)) {
-        let what = format!("a garment `{garment}`");
-        return taken(what, &info.provenance, "give --prefix a text of its own");
-    }
-    let folder = args.out.join(CLOTHED).join(name);
-    let clothed = fs::read(folder.join(PROVENANCE)).ok();
-    let clothed = clothed.and_then(|bytes| serde_json::from_slice::<Provenance>(&bytes).ok());
-    let unknown = |path: PathBuf| {
-        let context = format!("`{}` cannot be added", args.capture.display());
-        let found = io::Error::other(format!("`{}` is in the way", path.display()));
-        Err(fault(context, "it is none of a reconstruction, or cannot be read: move it away")(
-            found,
-        ))
-    };
-    match clothed {
-        Some(made) if is_other(&made) => {
-            let what = format!("a clothed person `{name}`");
-            return taken(what, &made, "give the folder of the capture another name");
-        }
-        None if fs::symlink_metadata(&folder).is_ok() => return unknown(folder),
-        _ => {}
-    }
-    let mut unreadable = wardrobe.faults().iter().filter(|f| f.part == Part::Garment);
-    match unreadable.find(|f| names.contains(&f.name)) {
-        Some(fault) => unknown(args.out.join("garments").join(&fault.name)),
-        None => Ok(()),
-    }
 }
 
 /// What to do where nothing could be reconstructed.
