@@ -6,6 +6,7 @@ mod page;
 mod state;
 mod summary;
 mod taken;
+mod written;
 
 use crate::cancel;
 use crate::end::End;
@@ -41,6 +42,7 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 use summary::{summary, warnings};
 use taken::Names;
+use written::Written;
 
 #[derive(Args, Debug, Clone)]
 pub(crate) struct ReconstructArgs {
@@ -61,6 +63,10 @@ pub(crate) struct ReconstructArgs {
     /// underscore.
     #[arg(long, value_name = "TEXT")]
     pub(crate) prefix: Option<String>,
+    /// Name of the body in the wardrobe; by default that of its folder. Where another body has it, a
+    /// number is appended, and a body that is there already keeps its name: the output states it.
+    #[arg(long, value_name = "NAME")]
+    pub(crate) body_name: Option<String>,
     /// Replace what was made of this capture before its meta.json was changed. Without this that is
     /// an error: it may be another person's. Nothing of another folder is ever replaced.
     #[arg(long)]
@@ -238,7 +244,7 @@ pub(crate) fn run(args: &ReconstructArgs) -> Result<End, Report> {
     };
     taken.refuse_taken(&wardrobe)?;
     drop(wardrobe);
-    let paths = BodyPaths::of(&args.body);
+    let paths = BodyPaths::of(&args.body, args.body_name.as_deref());
     Wardrobe::check_body(&paths.body()).map_err(fault(
         format!("template body `{}` cannot be added to a wardrobe", args.body.display()),
         "look at its files; docs/reference/capture.md specifies them",
@@ -283,11 +289,12 @@ pub(crate) fn run(args: &ReconstructArgs) -> Result<End, Report> {
     let wardrobe = Wardrobe::open(&args.out).map_err(fault(writing("assets"), ROOM))?;
     taken.refuse_taken(&wardrobe)?;
     let written = write_assets((wardrobe, &paths.body()), &names, finished, network.as_deref());
-    let earlier = written.map_err(|error| match error {
+    let (mut written, earlier) = written.map_err(|error| match error {
         WardrobeError::Busy { path } => Report::from(OutputError::Busy { path }),
         error if error.kind() == "io" => fault(writing("assets"), ROOM)(error).into(),
         error => fault(writing("assets"), "look at what is named")(error).into(),
     })?;
+    written.clothed = format!("{CLOTHED}/{name}");
     write_clothed(args, (&writer, &name), finished, &template)
         .map_err(fault(writing("the clothed body"), ROOM))?;
     state.remove();
@@ -299,10 +306,10 @@ pub(crate) fn run(args: &ReconstructArgs) -> Result<End, Report> {
     }
     let warnings = warnings(&found.report);
     if args.json {
-        print_json(&found.report)?;
+        print_json(&written.with(&found.report))?;
         warnings.iter().for_each(|text| errors::note(text));
     } else {
-        print(&summary(&name, &found.report, seconds))?;
+        print(&(summary(&name, &found.report, seconds) + &written.line(&args.out)))?;
     }
     Ok(if args.strict && !warnings.is_empty() { End::NotClean } else { End::Clean })
 }
@@ -437,10 +444,10 @@ struct BodyPaths {
 }
 
 impl BodyPaths {
-    fn of(folder: &Path) -> Self {
+    fn of(folder: &Path, name: Option<&str>) -> Self {
         let file = |name: &str| Some(folder.join(name)).filter(|p| p.is_file());
         Self {
-            name: names::last_name(folder, "body"),
+            name: name.map_or_else(|| names::last_name(folder, "body"), str::to_owned),
             mesh: file("body_clean.ply").unwrap_or_else(|| folder.join("body.ply")),
             template: file("body.ply"),
             skeleton: file("skeleton.json"),
@@ -456,14 +463,14 @@ impl BodyPaths {
     }
 }
 
-/// The body and the garments, into the wardrobe. Returns the names of garments that stay from an earlier
-/// reconstruction.
+/// The body and the garments, into the wardrobe. Returns their names, and those of garments that stay from
+/// an earlier reconstruction.
 fn write_assets(
     (mut wardrobe, body): (Wardrobe, &NewBody),
     names: &[String],
     (capture, found, provenance): Finished<'_>,
     network: Option<&[u8]>,
-) -> Result<Vec<String>, WardrobeError> {
+) -> Result<(Written, Vec<String>), WardrobeError> {
     let body = wardrobe.add_body_once(body)?;
     let mut made = vec![false; names.len()];
     for garment in &found.garments {
@@ -486,7 +493,10 @@ fn write_assets(
         })?;
     }
     let stays = |(name, made): &(&String, bool)| !made && wardrobe.garments().contains_key(*name);
-    Ok(names.iter().zip(made).filter(stays).map(|(name, _)| name.clone()).collect())
+    let named = || names.iter().zip(made.iter().copied());
+    let earlier = named().filter(stays).map(|(name, _)| name.clone()).collect();
+    let garments = named().filter(|(_, made)| *made).map(|(name, _)| name.clone()).collect();
+    Ok((Written { body: body.name, garments, ..Written::default() }, earlier))
 }
 
 /// The clothed body with its labels, a report, and where asked for the frames.
