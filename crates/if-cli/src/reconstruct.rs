@@ -39,7 +39,7 @@ use std::io;
 use std::num::NonZeroUsize;
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
-use std::time::Instant;
+use std::time::{Duration, Instant};
 use summary::{summary, warnings};
 use taken::Names;
 use written::Written;
@@ -252,7 +252,11 @@ pub(crate) fn run(args: &ReconstructArgs) -> Result<End, Report> {
     let start = Instant::now();
     let mut pace = Pace::new();
     let mut monitor = |p: &Progress| {
-        line.message(&described(p, pace.seconds_left(p)));
+        let (text, is_due) = (described(p, pace.seconds_left(p)), pace.is_due());
+        line.message(&text);
+        if is_due {
+            tracing::debug!("{name}: {text}");
+        }
         if cancel::is_requested() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
     };
     let found = state.with(
@@ -374,26 +378,41 @@ fn help(error: &ReconstructError) -> &'static str {
     }
 }
 
-/// Estimates the remaining time of a stage by the time of its steps so far.
+/// Least time between two steps of a stage that are logged: the fastest stages have hundreds a second,
+/// and rounds of the surface, which matter most, take longer on captures of a usual size.
+const LOGGED_EACH: Duration = Duration::from_secs(1);
+
+/// Estimates the remaining time of a stage by the time of its steps so far, and selects which are logged.
 struct Pace {
     stage: &'static str,
     first: usize,
     start: Instant,
+    logged: Option<Instant>,
 }
 
 impl Pace {
     fn new() -> Self {
-        Self { stage: "", first: 0, start: Instant::now() }
+        Self { stage: "", first: 0, start: Instant::now(), logged: None }
     }
 
     /// Seconds until the stage ends; `None` at its first step.
     fn seconds_left(&mut self, progress: &Progress) -> Option<f64> {
         if progress.stage != self.stage {
-            *self = Self { stage: progress.stage, first: progress.done, start: Instant::now() };
+            *self = Self { stage: progress.stage, first: progress.done, ..Self::new() };
         }
         let done = progress.done.saturating_sub(self.first);
         let left = progress.total?.saturating_sub(progress.done);
         (done > 0).then(|| self.start.elapsed().as_secs_f64() / done as f64 * left as f64)
+    }
+
+    /// Whether to log a step whose stage [`Pace::seconds_left`] has seen: the first of each stage, and
+    /// of the others one from time to time.
+    fn is_due(&mut self) -> bool {
+        let is_due = self.logged.is_none_or(|logged| logged.elapsed() >= LOGGED_EACH);
+        if is_due {
+            self.logged = Some(Instant::now());
+        }
+        is_due
     }
 }
 
