@@ -80,8 +80,11 @@ impl OutputError {
 /// What to do about a failed write.
 pub(crate) fn advice(error: &io::Error) -> &'static str {
     match error.kind() {
-        io::ErrorKind::StorageFull | io::ErrorKind::QuotaExceeded | io::ErrorKind::FileTooLarge => {
+        io::ErrorKind::StorageFull | io::ErrorKind::QuotaExceeded => {
             "make room there, or give --out a folder on another disk"
+        }
+        io::ErrorKind::FileTooLarge => {
+            "make room there, allow larger files (`ulimit -f`), or give --out a folder on another disk"
         }
         io::ErrorKind::PermissionDenied | io::ErrorKind::ReadOnlyFilesystem => {
             "give --out a folder that you may write to"
