@@ -35,6 +35,10 @@ pub(crate) struct FixArgs {
     /// Default for outfit files: `out/NAME`; needed with --body.
     #[arg(short, long, value_name = "DIR")]
     pub(crate) out: Option<PathBuf>,
+    /// Write each outfit into its own folder of --out, also a single one, and skip it if it is finished
+    /// there: for parts of a list, as `xargs` and jobs of a cluster get them.
+    #[arg(long, conflicts_with = "body")]
+    pub(crate) each: bool,
     /// Allow outputs to replace the input files.
     #[arg(long)]
     pub(crate) in_place: bool,
@@ -60,7 +64,7 @@ pub(crate) struct FixArgs {
 pub(crate) fn run(args: &FixArgs) -> Result<End, Report> {
     let start = Instant::now();
     let outs = out_folders(args)?;
-    let is_batch = outs.len() > 1;
+    let is_batch = args.each || outs.len() > 1;
     let all: Vec<_> =
         outfits(&args.input, &args.params).into_iter().zip(outs).enumerate().collect();
     let read = all.iter().filter_map(|(k, (spec, _))| Some((*k, spec.as_ref().ok()?)));
@@ -124,13 +128,13 @@ fn with_pinch(mut spec: OutfitSpec, args: &FixArgs) -> Result<OutfitSpec, SpecEr
     Ok(spec)
 }
 
-/// Where each outfit goes: `--out` for one, a folder in it for each of several.
+/// Where each outfit goes: `--out` for one, a folder in it for each of several, or with --each.
 fn out_folders(args: &FixArgs) -> Result<Vec<PathBuf>, OutputError> {
     let files = &args.input.files;
     if args.input.body.is_some() {
         return Ok(vec![args.out.clone().ok_or(OutputError::NoFolder)?]);
     }
-    if let ([_], Some(out)) = (&files[..], &args.out) {
+    if let ([_], Some(out), false) = (&files[..], &args.out, args.each) {
         return Ok(vec![out.clone()]);
     }
     let parent = args.out.clone().unwrap_or_else(|| "out".into());
