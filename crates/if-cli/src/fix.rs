@@ -16,6 +16,7 @@ use crate::shard::Shard;
 use crate::shared_body::SharedBody;
 use crate::table::counted;
 use clap::Args;
+use if_mesh::atomic::FileSet;
 use miette::Report;
 use std::collections::HashMap;
 use std::path::PathBuf;
@@ -69,7 +70,7 @@ pub(crate) fn run(args: &FixArgs) -> Result<End, Report> {
         outfits(&args.input, &args.params).into_iter().zip(outs).enumerate().collect();
     let read = all.iter().filter_map(|(k, (spec, _))| Some((*k, spec.as_ref().ok()?)));
     let inputs = BatchInputs::of(read);
-    let chosen = if let Some(shard) = args.shard { shard.of(all) } else { all };
+    let mut chosen = if let Some(shard) = args.shard { shard.of(all) } else { all };
     let n = chosen.len();
     let style = if args.input.json {
         Style::Json
@@ -85,6 +86,11 @@ pub(crate) fn run(args: &FixArgs) -> Result<End, Report> {
         pictures: !args.no_pictures,
         phases: args.timings,
     };
+    if options.resume {
+        // One at which an earlier run was killed, as for want of memory, may be so again: the others
+        // come before it.
+        chosen.sort_by_key(|(_, (_, out))| FileSet::is_begun(out));
+    }
     let mut ends = Vec::with_capacity(n);
     let specs = chosen.iter().filter_map(|(_, (spec, _))| spec.as_ref().ok());
     let mut bodies = SharedBody::of(specs);

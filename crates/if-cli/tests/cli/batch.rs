@@ -70,6 +70,21 @@ fn outfits_that_are_given_one_by_one_come_to_what_a_batch_of_them_does() {
 }
 
 #[test]
+fn an_outfit_at_which_a_run_was_killed_comes_after_the_others() {
+    let folder = batch();
+    // What a kill leaves while `a` is being resolved.
+    std::fs::create_dir_all(folder.path("done/a/.ifg-partial")).unwrap();
+    let order = |args: &str| -> Vec<String> {
+        let run = folder.ifg(&format!("fix a.toml b.toml --out done --json {args}")).expect(0);
+        let lines = run.stdout.lines().map(|line| serde_json::from_str::<Value>(line).unwrap());
+        lines.map(|json| json["outfit"].as_str().unwrap().to_owned()).collect()
+    };
+    assert_eq!(order(""), ["b", "a"]);
+    assert!(!folder.path("done/a/.ifg-partial").exists());
+    assert_eq!(order("--again"), ["a", "b"]);
+}
+
+#[test]
 fn each_shard_does_its_part_and_the_whole_command_finds_it_done() {
     let folder = batch();
     folder.write("c.toml", folder.read("outfit.toml"));
