@@ -324,9 +324,11 @@ fn a_limit_of_file_sizes_is_an_error_with_advice() {
         command.args(["-c", &line, env!("CARGO_BIN_EXE_ifg")]).current_dir(folder.path("."));
         crate::folder::Run::from(command.output().unwrap()).expect(2)
     };
-    let run = run("fix outfit.toml --out w --no-pictures");
-    assert!(run.stderr.contains("ulimit -f"), "{}", run.stderr);
-    assert!(!folder.path("w").exists());
+    for args in ["fix outfit.toml --out w --no-pictures", "capture synth --out w --frames 1"] {
+        let run = run(args);
+        assert!(run.stderr.contains("ulimit -f"), "{}", run.stderr);
+        assert!(!folder.path("w").exists());
+    }
 }
 
 #[test]
