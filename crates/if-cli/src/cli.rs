@@ -29,7 +29,8 @@ pub(crate) struct Cli {
     #[arg(short = 'j', long, visible_alias = "jobs", global = true, value_name = "N",
           value_parser = clap::value_parser!(u16).range(1..=1024))]
     pub(crate) threads: Option<u16>,
-    /// Log the remaining intersections of each garment to stderr, instead of a line of progress.
+    /// Log to stderr what is done, as the remaining intersections of each garment, or the stages of
+    /// a reconstruction, instead of a line of progress.
     #[arg(short, long, global = true)]
     pub(crate) verbose: bool,
 }

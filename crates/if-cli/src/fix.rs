@@ -16,6 +16,7 @@ use crate::shard::Shard;
 use crate::shared_body::SharedBody;
 use crate::table::counted;
 use clap::Args;
+use if_mesh::atomic::FileSet;
 use miette::Report;
 use std::collections::HashMap;
 use std::path::PathBuf;
@@ -35,6 +36,10 @@ pub(crate) struct FixArgs {
     /// Default for outfit files: `out/NAME`; needed with --body.
     #[arg(short, long, value_name = "DIR")]
     pub(crate) out: Option<PathBuf>,
+    /// Write each outfit into its own folder of --out, also a single one, and skip it if it is finished
+    /// there: for parts of a list, as `xargs` and jobs of a cluster get them.
+    #[arg(long, conflicts_with = "body")]
+    pub(crate) each: bool,
     /// Allow outputs to replace the input files.
     #[arg(long)]
     pub(crate) in_place: bool,
@@ -60,12 +65,12 @@ pub(crate) struct FixArgs {
 pub(crate) fn run(args: &FixArgs) -> Result<End, Report> {
     let start = Instant::now();
     let outs = out_folders(args)?;
-    let is_batch = outs.len() > 1;
+    let is_batch = args.each || outs.len() > 1;
     let all: Vec<_> =
         outfits(&args.input, &args.params).into_iter().zip(outs).enumerate().collect();
     let read = all.iter().filter_map(|(k, (spec, _))| Some((*k, spec.as_ref().ok()?)));
     let inputs = BatchInputs::of(read);
-    let chosen = if let Some(shard) = args.shard { shard.of(all) } else { all };
+    let mut chosen = if let Some(shard) = args.shard { shard.of(all) } else { all };
     let n = chosen.len();
     let style = if args.input.json {
         Style::Json
@@ -81,6 +86,11 @@ pub(crate) fn run(args: &FixArgs) -> Result<End, Report> {
         pictures: !args.no_pictures,
         phases: args.timings,
     };
+    if options.resume {
+        // One at which an earlier run was killed, as for want of memory, may be so again: the others
+        // come before it.
+        chosen.sort_by_key(|(_, (_, out))| FileSet::is_begun(out));
+    }
     let mut ends = Vec::with_capacity(n);
     let specs = chosen.iter().filter_map(|(_, (spec, _))| spec.as_ref().ok());
     let mut bodies = SharedBody::of(specs);
@@ -124,13 +134,13 @@ fn with_pinch(mut spec: OutfitSpec, args: &FixArgs) -> Result<OutfitSpec, SpecEr
     Ok(spec)
 }
 
-/// Where each outfit goes: `--out` for one, a folder in it for each of several.
+/// Where each outfit goes: `--out` for one, a folder in it for each of several, or with --each.
 fn out_folders(args: &FixArgs) -> Result<Vec<PathBuf>, OutputError> {
     let files = &args.input.files;
     if args.input.body.is_some() {
         return Ok(vec![args.out.clone().ok_or(OutputError::NoFolder)?]);
     }
-    if let ([_], Some(out)) = (&files[..], &args.out) {
+    if let ([_], Some(out), false) = (&files[..], &args.out, args.each) {
         return Ok(vec![out.clone()]);
     }
     let parent = args.out.clone().unwrap_or_else(|| "out".into());

@@ -77,12 +77,19 @@ impl OutputError {
     }
 }
 
+/// Whether a write failed for want of room.
+pub(crate) fn has_no_room(error: &io::Error) -> bool {
+    use io::ErrorKind::{FileTooLarge, QuotaExceeded, StorageFull};
+    matches!(error.kind(), StorageFull | QuotaExceeded | FileTooLarge)
+}
+
 /// What to do about a failed write.
 pub(crate) fn advice(error: &io::Error) -> &'static str {
     match error.kind() {
-        io::ErrorKind::StorageFull | io::ErrorKind::QuotaExceeded | io::ErrorKind::FileTooLarge => {
-            "make room there, or give --out a folder on another disk"
+        io::ErrorKind::FileTooLarge => {
+            "make room there, allow larger files (`ulimit -f`), or give --out a folder on another disk"
         }
+        _ if has_no_room(error) => "make room there, or give --out a folder on another disk",
         io::ErrorKind::PermissionDenied | io::ErrorKind::ReadOnlyFilesystem => {
             "give --out a folder that you may write to"
         }

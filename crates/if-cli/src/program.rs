@@ -6,6 +6,8 @@ use crate::{cancel, errors, progress};
 use clap::Parser;
 use miette::{IntoDiagnostic, Report};
 use std::ffi::OsString;
+#[cfg(unix)]
+use std::sync::Arc;
 
 /// The exit code of arguments that cannot be used.
 const USAGE: u8 = 2;
@@ -23,11 +25,20 @@ pub fn run(args: impl IntoIterator<Item = OsString>) -> u8 {
         }
     };
     errors::install();
+    survive_size_limits();
     let end = command(&cli).unwrap_or_else(|error| {
         errors::show(&error);
         End::of_error(&error)
     });
     end.code()
+}
+
+/// Makes a write beyond the limit of file sizes (`ulimit -f`) an error like that of a full disk, where
+/// the system would end the program without a word.
+fn survive_size_limits() {
+    // Any handler has that effect; nobody reads the flag. If it fails, all is as the system has it.
+    #[cfg(unix)]
+    drop(signal_hook::flag::register(signal_hook::consts::SIGXFSZ, Arc::default()));
 }
 
 fn command(cli: &Cli) -> Result<End, Report> {

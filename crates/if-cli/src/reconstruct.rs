@@ -1,8 +1,12 @@
 //! `ifg reconstruct`: a capture becomes garments of a wardrobe.
 
+mod claim;
 mod names;
 mod page;
+mod state;
 mod summary;
+mod taken;
+mod written;
 
 use crate::cancel;
 use crate::end::End;
@@ -11,6 +15,7 @@ use crate::output_error::OutputError;
 use crate::print::{print, print_json};
 use crate::progress::Line;
 use crate::values::{above_zero, pose_sigma};
+use claim::{Claim, Running};
 use clap::Args;
 use if_body::{TemplateBody, check_upright};
 use if_core::monitor::Progress;
@@ -23,19 +28,21 @@ use if_pipeline::asset::{LayerHint, Parts, Provenance};
 use if_pipeline::capture::{Capture, CaptureError, PoseSigma, write_poses};
 use if_pipeline::reconstruct::{
     FieldsParams, MotionNetworkParams, MotionParams, PhiNetwork, PhiParams, PoseParams,
-    ReconstructError, ReconstructParams, Reconstruction, fields_checkpoint, reconstruct,
-    write_frames,
+    ReconstructError, ReconstructParams, Reconstruction, reconstruct, write_frames,
 };
-use if_pipeline::wardrobe::{NewBody, Part, Wardrobe, WardrobeError};
+use if_pipeline::wardrobe::{NewBody, Wardrobe, WardrobeError};
 use miette::{Diagnostic, Report};
+use state::State;
 use std::error::Error;
 use std::fs;
 use std::io;
 use std::num::NonZeroUsize;
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
-use std::time::Instant;
+use std::time::{Duration, Instant};
 use summary::{summary, warnings};
+use taken::Names;
+use written::Written;
 
 #[derive(Args, Debug, Clone)]
 pub(crate) struct ReconstructArgs {
@@ -56,6 +63,14 @@ pub(crate) struct ReconstructArgs {
     /// underscore.
     #[arg(long, value_name = "TEXT")]
     pub(crate) prefix: Option<String>,
+    /// Name of the body in the wardrobe; by default that of its folder. Where another body has it, a
+    /// number is appended, and a body that is there already keeps its name: the output states it.
+    #[arg(long, value_name = "NAME")]
+    pub(crate) body_name: Option<String>,
+    /// Replace what was made of this capture before its meta.json was changed. Without this that is
+    /// an error: it may be another person's. Nothing of another folder is ever replaced.
+    #[arg(long)]
+    pub(crate) replace: bool,
     /// Side of the cells of the canonical mesh, with a unit; 8mm by default.
     #[arg(long, value_name = "LENGTH", value_parser = above_zero)]
     pub(crate) cell: Option<f64>,
@@ -132,8 +147,6 @@ pub(crate) enum MotionFrom {
 const CLOTHED: &str = "clothed";
 /// What a clothed person was made of, in its folder.
 const PROVENANCE: &str = "provenance.json";
-/// What a stopped run has reached, in the wardrobe's folder, with the capture's name before it.
-const STATE: &str = "reconstruct.state";
 
 /// Why nothing was reconstructed.
 #[derive(Debug, thiserror::Error, Diagnostic)]
@@ -153,25 +166,10 @@ fn fault<E: Error + 'static>(
     move |error| Fault { context, help, source: ErrorChain::new(&error) }
 }
 
-/// A garment or a clothed person that is somebody else's.
-#[derive(Debug, thiserror::Error)]
-#[error("the wardrobe has {what}, made of another capture, `{source_of}`")]
-struct Taken {
-    what: String,
-    source_of: String,
-}
-
 /// A grid of φ of 3 MB a garment: off by 0.07 mm on average near it. The default takes 10 MB and is off
 /// by 0.05 mm (docs/evidence/reconstruction.md).
 fn small_bake() -> BakeParams {
     BakeParams { accuracy: 2e-3, reach: 0.01, band: 0.03, ..BakeParams::default() }
-}
-
-/// Whether something was made of another capture: another path, unless that is gone and this one has its
-/// content. (Captures of one person in other clothes may differ in their pictures alone.)
-fn is_of_another(made: &Provenance, this: &Provenance) -> bool {
-    let is_moved = || made.sha256 == this.sha256 && !Path::new(&made.source).exists();
-    made.source != this.source && !is_moved()
 }
 
 /// What garments are made of.
@@ -210,32 +208,61 @@ pub(crate) fn run(args: &ReconstructArgs) -> Result<End, Report> {
         format!("template body `{}` cannot be used", args.body.display()),
         "rotate its files, and the capture",
     ))?;
-    let prefix = args.prefix.clone().unwrap_or_else(|| format!("{name}_"));
-    let names = names::assets(&capture, &prefix)
+    let usual = format!("{name}_");
+    let prefix = args.prefix.as_ref().unwrap_or(&usual);
+    let names = names::assets(&capture, prefix)
         .map_err(fault("cannot name the garments", "give --prefix another text"))?;
     let writing = |what: &str| format!("cannot write {what} into `{}`", args.out.display());
     const ROOM: &str = "make room there, or give --out another folder that you may write to";
     fs::create_dir_all(&args.out).map_err(fault(writing("anything"), ROOM))?;
+    let own_prefix = (*prefix != usual).then(|| names::fitting(prefix));
+    let state = State::of(&args.out, &name, own_prefix.as_deref());
+    let made_of = provenance(args);
+    let clothed = args.out.join(CLOTHED);
+    let claim = Claim {
+        clothed: name.clone(),
+        source: made_of.source.clone(),
+        state: PathBuf::from(state.path().file_name().unwrap_or_default()),
+        garments: names.clone(),
+    };
+    // Held until everything is written.
+    let running = Running::claim(&args.out, &claim)
+        .map_err(fault(writing("anything"), ROOM))?
+        .ok_or_else(|| OutputError::Busy { path: clothed.join(&name) })?;
+    state.remove_partial();
     // A wardrobe that cannot be read is told of before the work, not after it.
     let wardrobe = Wardrobe::open(&args.out).map_err(fault(
         format!("cannot open wardrobe `{}`", args.out.display()),
         "formats are specified in docs/reference/wardrobe.md",
     ))?;
-    let made_of = provenance(args);
-    refuse_taken_names(args, (&wardrobe, &made_of), &name, &names)?;
+    let taken = Names {
+        capture: &args.capture,
+        made_of: &made_of,
+        clothed: &name,
+        garments: &names,
+        replace: args.replace,
+    };
+    taken.refuse_taken(&wardrobe)?;
     drop(wardrobe);
-    let paths = BodyPaths::of(&args.body);
+    let paths = BodyPaths::of(&args.body, args.body_name.as_deref());
     Wardrobe::check_body(&paths.body()).map_err(fault(
         format!("template body `{}` cannot be added to a wardrobe", args.body.display()),
         "look at its files; docs/reference/capture.md specifies them",
     ))?;
-    let state = args.out.join(format!(".{name}.{STATE}"));
     let start = Instant::now();
     let mut pace = Pace::new();
-    let found = reconstruct(&capture, &template, &params, Some(&state), &mut |p: &Progress| {
-        line.message(&described(p, pace.seconds_left(p)));
+    let mut monitor = |p: &Progress| {
+        let (text, is_due) = (described(p, pace.seconds_left(p)), pace.is_due());
+        line.message(&text);
+        if is_due {
+            tracing::debug!("{name}: {text}");
+        }
         if cancel::is_requested() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
-    });
+    };
+    let found = state.with(
+        |path| reconstruct(&capture, &template, &params, Some(path), &mut monitor),
+        |note| line.aside(|| errors::note(note)),
+    );
     let found = match found {
         Ok(found) => found,
         Err(ReconstructError::Cancelled(_)) => {
@@ -259,25 +286,23 @@ pub(crate) fn run(args: &ReconstructArgs) -> Result<End, Report> {
     };
     let network = network.transpose().map_err(fault(writing("φ"), ROOM))?;
     let finished = (&capture, &found, &made_of);
+    let writer = FolderWriter::wait(&clothed, PATIENCE)
+        .map_err(fault(writing("the clothed body"), ROOM))?
+        .ok_or(OutputError::Busy { path: clothed })?;
     // Another process may have written there meanwhile.
     let wardrobe = Wardrobe::open(&args.out).map_err(fault(writing("assets"), ROOM))?;
-    refuse_taken_names(args, (&wardrobe, &made_of), &name, &names)?;
+    taken.refuse_taken(&wardrobe)?;
     let written = write_assets((wardrobe, &paths.body()), &names, finished, network.as_deref());
-    let earlier = written.map_err(|error| match error {
+    let (mut written, earlier) = written.map_err(|error| match error {
         WardrobeError::Busy { path } => Report::from(OutputError::Busy { path }),
         error if error.kind() == "io" => fault(writing("assets"), ROOM)(error).into(),
         error => fault(writing("assets"), "look at what is named")(error).into(),
     })?;
-    let clothed = args.out.join(CLOTHED);
-    let writer = FolderWriter::wait(&clothed, PATIENCE)
-        .map_err(fault(writing("the clothed body"), ROOM))?
-        .ok_or(OutputError::Busy { path: clothed })?;
+    written.clothed = format!("{CLOTHED}/{name}");
     write_clothed(args, (&writer, &name), finished, &template)
         .map_err(fault(writing("the clothed body"), ROOM))?;
-    for state in [&state, &fields_checkpoint(&state)] {
-        let _ = fs::remove_file(state); // of no use any more
-    }
-    drop(line);
+    state.remove();
+    drop((running, line));
     for name in earlier {
         errors::note(&format!(
             "garment `{name}` stays from an earlier reconstruction of this capture: this one has not made it. Remove its folder if it is of no use"
@@ -285,10 +310,10 @@ pub(crate) fn run(args: &ReconstructArgs) -> Result<End, Report> {
     }
     let warnings = warnings(&found.report);
     if args.json {
-        print_json(&found.report)?;
+        print_json(&written.with(&found.report))?;
         warnings.iter().for_each(|text| errors::note(text));
     } else {
-        print(&summary(&name, &found.report, seconds))?;
+        print(&(summary(&name, &found.report, seconds) + &written.line(&args.out)))?;
     }
     Ok(if args.strict && !warnings.is_empty() { End::NotClean } else { End::Clean })
 }
@@ -340,48 +365,6 @@ fn parameters(args: &ReconstructArgs) -> Result<ReconstructParams, Fault> {
     Ok(params)
 }
 
-/// Refuses a capture whose garments or whose clothed person would replace those of another one.
-fn refuse_taken_names(
-    args: &ReconstructArgs,
-    (wardrobe, this): (&Wardrobe, &Provenance),
-    name: &str,
-    names: &[String],
-) -> Result<(), Fault> {
-    let taken = |what: String, made: &Provenance, help| {
-        let context = format!("`{}` cannot be added", args.capture.display());
-        Err(fault(context, help)(Taken { what, source_of: made.source.clone() }))
-    };
-    let is_other = |made: &Provenance| is_of_another(made, this);
-    let mut garments = wardrobe.garments().iter().filter(|(_, g)| is_other(&g.provenance));
-    if let Some((garment, info)) = garments.find(|(garment, _)| names.contains(garment)) {
-        let what = format!("a garment `{garment}`");
-        return taken(what, &info.provenance, "give --prefix a text of its own");
-    }
-    let folder = args.out.join(CLOTHED).join(name);
-    let clothed = fs::read(folder.join(PROVENANCE)).ok();
-    let clothed = clothed.and_then(|bytes| serde_json::from_slice::<Provenance>(&bytes).ok());
-    let unknown = |path: PathBuf| {
-        let context = format!("`{}` cannot be added", args.capture.display());
-        let found = io::Error::other(format!("`{}` is in the way", path.display()));
-        Err(fault(context, "it is none of a reconstruction, or cannot be read: move it away")(
-            found,
-        ))
-    };
-    match clothed {
-        Some(made) if is_other(&made) => {
-            let what = format!("a clothed person `{name}`");
-            return taken(what, &made, "give the folder of the capture another name");
-        }
-        None if fs::symlink_metadata(&folder).is_ok() => return unknown(folder),
-        _ => {}
-    }
-    let mut unreadable = wardrobe.faults().iter().filter(|f| f.part == Part::Garment);
-    match unreadable.find(|f| names.contains(&f.name)) {
-        Some(fault) => unknown(args.out.join("garments").join(&fault.name)),
-        None => Ok(()),
-    }
-}
-
 /// What to do where nothing could be reconstructed.
 fn help(error: &ReconstructError) -> &'static str {
     match error {
@@ -395,26 +378,41 @@ fn help(error: &ReconstructError) -> &'static str {
     }
 }
 
-/// Estimates the remaining time of a stage by the time of its steps so far.
+/// Least time between two steps of a stage that are logged: the fastest stages have hundreds a second,
+/// and rounds of the surface, which matter most, take longer on captures of a usual size.
+const LOGGED_EACH: Duration = Duration::from_secs(1);
+
+/// Estimates the remaining time of a stage by the time of its steps so far, and selects which are logged.
 struct Pace {
     stage: &'static str,
     first: usize,
     start: Instant,
+    logged: Option<Instant>,
 }
 
 impl Pace {
     fn new() -> Self {
-        Self { stage: "", first: 0, start: Instant::now() }
+        Self { stage: "", first: 0, start: Instant::now(), logged: None }
     }
 
     /// Seconds until the stage ends; `None` at its first step.
     fn seconds_left(&mut self, progress: &Progress) -> Option<f64> {
         if progress.stage != self.stage {
-            *self = Self { stage: progress.stage, first: progress.done, start: Instant::now() };
+            *self = Self { stage: progress.stage, first: progress.done, ..Self::new() };
         }
         let done = progress.done.saturating_sub(self.first);
         let left = progress.total?.saturating_sub(progress.done);
         (done > 0).then(|| self.start.elapsed().as_secs_f64() / done as f64 * left as f64)
+    }
+
+    /// Whether to log a step whose stage [`Pace::seconds_left`] has seen: the first of each stage, and
+    /// of the others one from time to time.
+    fn is_due(&mut self) -> bool {
+        let is_due = self.logged.is_none_or(|logged| logged.elapsed() >= LOGGED_EACH);
+        if is_due {
+            self.logged = Some(Instant::now());
+        }
+        is_due
     }
 }
 
@@ -465,10 +463,10 @@ struct BodyPaths {
 }
 
 impl BodyPaths {
-    fn of(folder: &Path) -> Self {
+    fn of(folder: &Path, name: Option<&str>) -> Self {
         let file = |name: &str| Some(folder.join(name)).filter(|p| p.is_file());
         Self {
-            name: names::last_name(folder, "body"),
+            name: name.map_or_else(|| names::last_name(folder, "body"), str::to_owned),
             mesh: file("body_clean.ply").unwrap_or_else(|| folder.join("body.ply")),
             template: file("body.ply"),
             skeleton: file("skeleton.json"),
@@ -484,14 +482,14 @@ impl BodyPaths {
     }
 }
 
-/// The body and the garments, into the wardrobe. Returns the names of garments that stay from an earlier
-/// reconstruction.
+/// The body and the garments, into the wardrobe. Returns their names, and those of garments that stay from
+/// an earlier reconstruction.
 fn write_assets(
     (mut wardrobe, body): (Wardrobe, &NewBody),
     names: &[String],
     (capture, found, provenance): Finished<'_>,
     network: Option<&[u8]>,
-) -> Result<Vec<String>, WardrobeError> {
+) -> Result<(Written, Vec<String>), WardrobeError> {
     let body = wardrobe.add_body_once(body)?;
     let mut made = vec![false; names.len()];
     for garment in &found.garments {
@@ -514,7 +512,10 @@ fn write_assets(
         })?;
     }
     let stays = |(name, made): &(&String, bool)| !made && wardrobe.garments().contains_key(*name);
-    Ok(names.iter().zip(made).filter(stays).map(|(name, _)| name.clone()).collect())
+    let named = || names.iter().zip(made.iter().copied());
+    let earlier = named().filter(stays).map(|(name, _)| name.clone()).collect();
+    let garments = named().filter(|(_, made)| *made).map(|(name, _)| name.clone()).collect();
+    Ok((Written { body: body.name, garments, ..Written::default() }, earlier))
 }
 
 /// The clothed body with its labels, a report, and where asked for the frames.

@@ -2,6 +2,7 @@
 
 use crate::cancel;
 use crate::end::End;
+use crate::output_error::{OutputError, advice, has_no_room};
 use crate::print::{print, print_json};
 use crate::progress::Line;
 use crate::table::count;
@@ -10,7 +11,7 @@ use clap::{Args, ValueEnum};
 use if_body::mannequin::Garment;
 use if_core::monitor::Progress;
 use if_pipeline::capture::synth::{ShapeNoise, SynthError, SynthParams, SynthReport, synth};
-use if_pipeline::capture::{CaptureError, PoseSigma};
+use if_pipeline::capture::{CaptureError, PictureError, PoseSigma};
 use miette::{Diagnostic, Report};
 use serde_json::json;
 use std::fmt::Write;
@@ -100,11 +101,19 @@ enum SynthFault {
     #[diagnostic(code(ifg::input::params), help("look at the options"))]
     Params { source: SynthError },
     #[error("no capture was written")]
-    #[diagnostic(
-        code(ifg::output::folder),
-        help("give --out the name of a folder that does not exist, where you may write")
-    )]
+    #[diagnostic(code(ifg::output::folder), help("{}", help(source)))]
     Write { source: SynthError },
+}
+
+/// What to do where no capture could be written.
+fn help(error: &SynthError) -> &'static str {
+    match error {
+        SynthError::Capture(
+            CaptureError::Io { source, .. }
+            | CaptureError::Picture { source: PictureError::Io(source), .. },
+        ) if has_no_room(source) => advice(source),
+        _ => "give --out the name of a folder that does not exist, where you may write",
+    }
 }
 
 /// Runs the command.
@@ -144,6 +153,9 @@ pub(crate) fn run(args: &SynthArgs) -> Result<End, Report> {
         }
         Err(source @ SynthError::Capture(CaptureError::BadName { .. })) => {
             return Err(SynthFault::Params { source }.into());
+        }
+        Err(SynthError::Capture(CaptureError::Busy { path })) => {
+            return Err(OutputError::Busy { path }.into());
         }
         Err(source) => return Err(SynthFault::Write { source }.into()),
     };

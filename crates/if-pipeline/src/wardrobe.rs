@@ -187,10 +187,11 @@ impl Wardrobe {
         body::check(new.name, &BodyFiles::read(new)?)
     }
 
-    /// Adds a garment, or replaces the one of this name.
+    /// Adds a garment, or replaces the one of this name that the wardrobe had when it was opened.
     ///
     /// # Errors
     ///
+    /// [`WardrobeError::Busy`] if another process has written a garment of this name since then.
     /// The wardrobe does not have the body, a folder of this name is there and is no garment, the garment
     /// is called as its body, too large or too far from the body ([`if_outfit::outfit::Outfit::new`]), the errors of [`asset::write()`], or another process
     /// writes there for too long.
@@ -205,8 +206,17 @@ impl Wardrobe {
             check_garment(&body, parts.name, parts.mesh).map_err(WardrobeError::Misfit)?;
         }
         asset::check_name(parts.name)?;
-        own_or_free(&self.root.join(GARMENTS).join(parts.name), asset::INFO)?;
-        let info = asset::write(&self.writer(GARMENTS)?, parts)?;
+        let writer = self.writer(GARMENTS)?;
+        let path = self.root.join(GARMENTS).join(parts.name);
+        own_or_free(&path, asset::INFO)?;
+        // Another process may have written it since the caller decided to replace it.
+        let identity = |g: &AssetInfo| (g.garment.clone(), g.phi.clone(), g.provenance.clone());
+        let stored = self.stored_garment(parts.name).ok();
+        let known = self.garments.get(parts.name).map(identity);
+        if stored.is_some_and(|stored| Some(identity(&stored)) != known) {
+            return Err(WardrobeError::Busy { path });
+        }
+        let info = asset::write(&writer, parts)?;
         self.faults.retain(|f| (f.part, f.name.as_str()) != (Part::Garment, parts.name));
         self.garments.insert(parts.name.to_owned(), info);
         Ok(&self.garments[parts.name])

@@ -313,6 +313,24 @@ fn a_full_disk_leaves_nothing_half_written() {
     assert!(folder.files() == before, "files changed");
 }
 
+/// What whoever starts a program allows it: the shell's limit, in blocks of 512 or 1024 bytes.
+#[cfg(unix)]
+#[test]
+fn a_limit_of_file_sizes_is_an_error_with_advice() {
+    let folder = Folder::new();
+    let run = |args: &str| {
+        let mut command = std::process::Command::new("sh");
+        let line = format!("ulimit -f 1; exec \"$0\" {args}");
+        command.args(["-c", &line, env!("CARGO_BIN_EXE_ifg")]).current_dir(folder.path("."));
+        crate::folder::Run::from(command.output().unwrap()).expect(2)
+    };
+    for args in ["fix outfit.toml --out w --no-pictures", "capture synth --out w --frames 1"] {
+        let run = run(args);
+        assert!(run.stderr.contains("ulimit -f"), "{}", run.stderr);
+        assert!(!folder.path("w").exists());
+    }
+}
+
 #[test]
 fn errors_are_json_too() {
     let folder = Folder::new();

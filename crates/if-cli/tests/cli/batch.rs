@@ -48,6 +48,43 @@ fn each_outfit_has_its_folder_and_finished_ones_are_skipped() {
 }
 
 #[test]
+fn outfits_that_are_given_one_by_one_come_to_what_a_batch_of_them_does() {
+    let folder = batch();
+    folder.ifg("fix a.toml b.toml --out done").expect(0);
+    for outfit in ["a", "b"] {
+        let each = format!("fix {outfit}.toml --out each --each");
+        let run = folder.ifg(&each).expect(0);
+        assert!(run.stdout.contains("1 outfit: 1 clean"), "{}", run.stdout);
+        assert!(folder.ifg(&each).expect(0).stdout.contains("clean everywhere, skipped"));
+        for file in ["shirt.obj", "skirt.ply"] {
+            let [both, alone] =
+                ["done", "each"].map(|out| folder.read(&format!("{out}/{outfit}/{file}")));
+            assert!(both == alone, "{file}");
+        }
+    }
+    // Each finds done what the other has made.
+    let run = folder.ifg("fix a.toml b.toml --out each").expect(0);
+    assert_eq!(run.stdout.matches("skipped").count(), 2, "{}", run.stdout);
+    folder.ifg("fix a.toml --out done --each").expect(0);
+    folder.ifg("fix --body body.ply hoop.ply --out w --each").expect(2);
+}
+
+#[test]
+fn an_outfit_at_which_a_run_was_killed_comes_after_the_others() {
+    let folder = batch();
+    // What a kill leaves while `a` is being resolved.
+    std::fs::create_dir_all(folder.path("done/a/.ifg-partial")).unwrap();
+    let order = |args: &str| -> Vec<String> {
+        let run = folder.ifg(&format!("fix a.toml b.toml --out done --json {args}")).expect(0);
+        let lines = run.stdout.lines().map(|line| serde_json::from_str::<Value>(line).unwrap());
+        lines.map(|json| json["outfit"].as_str().unwrap().to_owned()).collect()
+    };
+    assert_eq!(order(""), ["b", "a"]);
+    assert!(!folder.path("done/a/.ifg-partial").exists());
+    assert_eq!(order("--again"), ["a", "b"]);
+}
+
+#[test]
 fn each_shard_does_its_part_and_the_whole_command_finds_it_done() {
     let folder = batch();
     folder.write("c.toml", folder.read("outfit.toml"));

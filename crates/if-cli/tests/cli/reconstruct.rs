@@ -7,6 +7,9 @@ use if_pipeline::capture::Capture;
 use if_pipeline::reconstruct::posed;
 use serde_json::{Value, json};
 use std::fs;
+use std::process::Stdio;
+use std::thread::sleep;
+use std::time::{Duration, Instant};
 
 const CAPTURE: &str = "capture synth --out cap --garments trousers,tshirt --frames 6 --size 96";
 const QUICK: &str = "--cell 24mm";
@@ -184,6 +187,112 @@ fn captures_of_several_bodies_share_a_wardrobe_also_at_once() {
         assert!(run.stderr.contains(words), "{words}\n{}", run.stderr);
     }
     assert_eq!(folder.read("w/clothed/cap/report.json"), clothed);
+}
+
+/// Starts a reconstruction, calls `meanwhile` when it has written its first checkpoint, and returns how it
+/// ended.
+fn while_running(folder: &Folder, args: &str, state: &str, meanwhile: impl FnOnce()) -> Run {
+    let mut command = folder.command(args);
+    let child = command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
+    let start = Instant::now();
+    while !folder.path(state).exists() {
+        assert!(start.elapsed() < Duration::from_secs(60), "no {state}");
+        sleep(Duration::from_millis(1));
+    }
+    meanwhile();
+    child.wait_with_output().unwrap().into()
+}
+
+#[test]
+fn a_capture_of_the_name_of_one_that_is_being_reconstructed_is_refused_for_now() {
+    let folder = Folder::new();
+    folder.ifg(CAPTURE).expect(0);
+    folder.ifg(&CAPTURE.replace("--out cap", "--out other/cap --seed 1")).expect(0);
+    let of = |capture: &str, prefix: &str| {
+        format!("reconstruct {capture} --body cap/body --out w {prefix} --cell 12mm")
+    };
+    let mut refused = Vec::new();
+    let run = while_running(&folder, &of("cap", ""), "w/.cap.reconstruct.state", || {
+        // The same once more, another capture of the name, and one that would write the same garments.
+        refused = [of("cap", ""), of("other/cap", "--prefix b_"), of("other/cap", "")]
+            .map(|args| folder.ifg(&args))
+            .into();
+    });
+    run.expect(0);
+    for run in refused {
+        let run = run.expect(75);
+        assert!(
+            run.stderr.contains("another ifg is writing into `w/clothed/cap`"),
+            "{}",
+            run.stderr
+        );
+    }
+    assert_eq!(names(&folder, "w/garments"), ["cap_trousers", "cap_tshirt"]);
+    let hidden: Vec<_> = fs::read_dir(folder.path("w")).unwrap().collect();
+    assert_eq!(hidden.len(), 3, "bodies, garments and clothed: {hidden:?}");
+    // Afterwards it is refused for good.
+    let run = folder.ifg(&of("other/cap", "--prefix b_")).expect(2);
+    assert!(run.stderr.contains("made of another capture"), "{}", run.stderr);
+}
+
+#[test]
+fn another_description_at_the_same_place_replaces_nothing_unless_that_is_asked_for() {
+    let folder = Folder::new();
+    folder.ifg(CAPTURE).expect(0);
+    let args = format!("reconstruct cap --body cap/body --out w --body-name anna {QUICK}");
+    // What was written, and under which names, is stated.
+    let run = folder.ifg(&args).expect(0);
+    let line = "w: body anna, garments cap_trousers, cap_tshirt, and clothed/cap";
+    assert!(run.stdout.contains(line), "{}", run.stdout);
+    assert_eq!(names(&folder, "w/bodies"), ["anna"]);
+    let before = folder.read("w/clothed/cap/provenance.json");
+    edit(&folder, |meta| meta["generator"] = json!("another program"));
+    let run = folder.ifg(&args).expect(2);
+    for words in ["a garment `cap_trousers`", "had another meta.json", "add --replace"] {
+        assert!(run.stderr.contains(words), "{words}\n{}", run.stderr);
+    }
+    // Nor does another prefix replace the clothed person.
+    let run = folder.ifg(&format!("{args} --prefix b_")).expect(2);
+    assert!(run.stderr.contains("a clothed person `cap`"), "{}", run.stderr);
+    assert!(folder.read("w/clothed/cap/provenance.json") == before);
+    // The body is there, and keeps its name.
+    let run = folder.ifg(&(args.replace("anna", "berta") + " --replace --json")).expect(0);
+    let wrote = &run.json()["wrote"];
+    assert_eq!(wrote["body"], "anna");
+    assert_eq!(wrote["garments"], json!(["cap_trousers", "cap_tshirt"]));
+    assert_eq!(wrote["clothed"], "clothed/cap");
+    assert!(run.json()["surface"]["frames"] == 6);
+    assert!(folder.read("w/clothed/cap/provenance.json") != before);
+    folder.ifg(&args).expect(0);
+    // Of another folder it replaces nothing.
+    copy(&folder.path("cap"), &folder.path("twin/cap"));
+    let twin = args.replace("reconstruct cap", "reconstruct twin/cap") + " --replace";
+    assert!(folder.ifg(&twin).expect(2).stderr.contains("made of another capture"));
+}
+
+#[test]
+fn a_damaged_checkpoint_starts_anew_with_a_note_and_half_of_one_is_removed() {
+    let folder = Folder::new();
+    folder.ifg(CAPTURE).expect(0);
+    let args = format!("reconstruct cap --body cap/body --out w --prefix a_ --verbose {QUICK}");
+    let state = "w/.cap.a_.reconstruct.state";
+    fs::create_dir_all(folder.path("w")).unwrap();
+    for damaged in [&b""[..], &[0; 500], b"ifg surface v0\n\0 of another version"] {
+        folder.write(state, damaged);
+        // What a kill leaves while it is written, and what another process is writing.
+        folder.write("w/.ifg-.cap.a_.reconstruct.state-x1y2z3.part", "half");
+        folder.write("w/.ifg-another.ply-x1y2z3.part", "half");
+        let run = folder.ifg(&args).expect(0);
+        assert!(run.stderr.contains("is damaged, or of another version"), "{}", run.stderr);
+        let left: Vec<_> = fs::read_dir(folder.path("w")).unwrap().map(|e| e.unwrap()).collect();
+        assert_eq!(left.len(), 4, "{left:?}");
+        assert!(folder.path("w/.ifg-another.ply-x1y2z3.part").exists());
+        // With -v each stage is logged.
+        for stage in ["reading frames", "fitting the surface", "finding garments"] {
+            assert!(run.stderr.contains(&format!("DEBUG cap: {stage}")), "{stage}\n{}", run.stderr);
+        }
+    }
+    assert!(!folder.ifg(&args.replace("--verbose", "")).expect(0).stderr.contains("DEBUG"));
 }
 
 #[test]

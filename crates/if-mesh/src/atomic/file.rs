@@ -7,6 +7,11 @@ use std::path::{Path, PathBuf};
 
 /// How the names of files end that are being written.
 const PART: &str = ".part";
+/// Random letters and digits in such a name.
+const RANDOM: usize = 6;
+/// Bytes of a file's name that its temporary name repeats: with what comes around them it stays below
+/// the 255 bytes that file systems allow.
+const REPEATED: usize = 200;
 
 /// Writes a file through `fill`: into a temporary file of the same folder, which takes the name
 /// `path` only after everything was written. A fault leaves what stood at `path` as it was.
@@ -44,12 +49,10 @@ pub fn write_file<E: From<io::Error>>(
         }
         _ => path.to_path_buf(),
     };
-    let folder = match target.parent() {
-        Some(p) if !p.as_os_str().is_empty() => p.to_path_buf(),
-        _ => PathBuf::from("."),
-    };
+    let folder = folder_of(&target);
+    let prefix = prefix(&target);
     let mut builder = tempfile::Builder::new();
-    builder.prefix(HIDDEN).suffix(PART);
+    builder.prefix(&prefix).rand_bytes(RANDOM).suffix(PART);
     #[cfg(unix)]
     {
         use std::os::unix::fs::PermissionsExt;
@@ -76,6 +79,40 @@ pub fn remove_partial(folder: &Path) -> io::Result<()> {
         }
     }
     Ok(())
+}
+
+/// Removes what processes that were killed left of the file `path`: it has not taken its name yet.
+/// Nobody else may write this file; others may write other files there. Where that is not allowed it
+/// stays.
+pub fn remove_partial_of(path: &Path) {
+    let prefix = prefix(path);
+    let is_part = |name: &str| {
+        let random = name.strip_prefix(&prefix).and_then(|rest| rest.strip_suffix(PART));
+        random.is_some_and(|r| r.len() == RANDOM && r.bytes().all(|b| b.is_ascii_alphanumeric()))
+    };
+    let Ok(entries) = fs::read_dir(folder_of(path)) else { return };
+    for entry in entries.flatten() {
+        let is_file = entry.file_type().is_ok_and(|kind| kind.is_file());
+        if is_file && is_part(&entry.file_name().to_string_lossy()) {
+            let _ = fs::remove_file(entry.path());
+        }
+    }
+}
+
+/// How the temporary names of a file begin.
+fn prefix(path: &Path) -> String {
+    let name = path.file_name().unwrap_or_default().to_string_lossy();
+    let fits = |(at, c): &(usize, char)| at + c.len_utf8() <= REPEATED;
+    let repeated: String = name.char_indices().take_while(fits).map(|(_, c)| c).collect();
+    format!("{HIDDEN}{repeated}-")
+}
+
+/// The folder of a file.
+fn folder_of(path: &Path) -> PathBuf {
+    match path.parent() {
+        Some(p) if !p.as_os_str().is_empty() => p.to_path_buf(),
+        _ => PathBuf::from("."),
+    }
 }
 
 fn plain(error: &io::Error) -> String {
@@ -108,6 +145,42 @@ mod tests {
         fs::write(folder.path().join("mine.part"), "whole").unwrap();
         remove_partial(folder.path()).unwrap();
         assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 2);
+    }
+
+    #[test]
+    fn what_is_left_of_one_file_is_removed_and_nothing_of_others() {
+        let folder = tempfile::tempdir().unwrap();
+        let names = || {
+            let entries = fs::read_dir(folder.path()).unwrap();
+            let names = entries.map(|e| e.unwrap().file_name().into_string().unwrap());
+            names.collect::<Vec<_>>()
+        };
+        let long = "\u{e9}".repeat(120); // 240 bytes
+        for name in ["state", &long] {
+            let path = folder.path().join(name);
+            // What a kill leaves: the temporary file as it is while it is filled.
+            let kill = |file: &mut File| -> io::Result<()> {
+                let left = names().into_iter().find(|name| name.ends_with(PART)).unwrap();
+                file.write_all(b"half")?;
+                fs::copy(folder.path().join(&left), folder.path().join("copy"))?;
+                fs::write(folder.path().join("name"), &left)?;
+                Err(io::Error::from(ErrorKind::Interrupted))
+            };
+            write_file(&path, kill).unwrap_err();
+            let left = fs::read_to_string(folder.path().join("name")).unwrap();
+            fs::rename(folder.path().join("copy"), folder.path().join(&left)).unwrap();
+            remove_partial_of(&path.with_file_name("other"));
+            assert!(names().contains(&left));
+            remove_partial_of(&path);
+            assert!(!names().contains(&left), "{left}");
+        }
+        let others = [".ifg-state-2-abc123.part", ".ifg-abc123.part", ".ifg-state-abc123", "state"];
+        for name in others {
+            fs::write(folder.path().join(name), "of others").unwrap();
+        }
+        remove_partial_of(&folder.path().join("state"));
+        assert!(others.iter().all(|name| folder.path().join(name).exists()));
+        remove_partial_of(&folder.path().join("missing/state"));
     }
 
     #[test]

@@ -82,6 +82,12 @@ impl FileSet {
         Ok(Self { out: out.into(), partial, _lock: lock, made })
     }
 
+    /// Whether a killed process has left files of [`FileSet::open`] in a folder, or a running one
+    /// writes there.
+    pub fn is_begun(out: &Path) -> bool {
+        out.join(PARTIAL).is_dir()
+    }
+
     /// The hidden folder.
     pub fn hidden(&self) -> &Path {
         &self.partial
@@ -282,6 +288,7 @@ mod tests {
         let partial = folder.path().join(PARTIAL);
         fs::create_dir(&partial).unwrap();
         write(partial.join("half"), "ha").unwrap();
+        assert!(FileSet::is_begun(folder.path()));
         let staging = FileSet::open(folder.path()).unwrap();
         assert!(!staging.path("half").exists());
         assert!(matches!(FileSet::open(folder.path()), Err(FileSetError::Busy { .. })));
@@ -293,6 +300,7 @@ mod tests {
             matches!(FileSet::open_for(folder.path(), "a".as_ref()), Err(FileSetError::Busy { path }) if path.ends_with("a"))
         );
         drop((one, other));
+        assert!(!FileSet::is_begun(folder.path()));
         assert_eq!(read_dir(folder.path()).unwrap().count(), 0);
     }
 }

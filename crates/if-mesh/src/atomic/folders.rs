@@ -145,7 +145,14 @@ impl FolderWriter {
 
     /// A hidden folder.
     fn partial(&self) -> io::Result<TempDir> {
-        folder_with(PARTIAL, "", &self.parent)
+        let mut builder = tempfile::Builder::new();
+        #[cfg(unix)]
+        {
+            use std::os::unix::fs::PermissionsExt;
+            // As any new folder, less what the user's mask takes; tempfile's are closed to others.
+            builder.permissions(fs::Permissions::from_mode(0o777));
+        }
+        builder.prefix(PARTIAL).tempdir_in(&self.parent)
     }
 
     /// The whole folders, by name.
@@ -183,28 +190,6 @@ impl FolderShare {
     pub fn open(parent: &Path) -> io::Result<Option<Self>> {
         Ok(share(parent)?.map(Self))
     }
-}
-
-/// A hidden folder in `parent`, for a folder or file that will be moved to its name when it is
-/// complete. Dropped before [`TempDir::keep`], it is removed.
-///
-/// # Errors
-///
-/// What the system returns for the folder.
-pub fn temporary_folder(parent: &Path) -> io::Result<TempDir> {
-    // Not `PARTIAL`: a writer of the same parent would remove it.
-    folder_with(HIDDEN, ".part", parent)
-}
-
-fn folder_with(prefix: &str, suffix: &str, parent: &Path) -> io::Result<TempDir> {
-    let mut builder = tempfile::Builder::new();
-    #[cfg(unix)]
-    {
-        use std::os::unix::fs::PermissionsExt;
-        // As any new folder, less what the user's mask takes; tempfile's are closed to others.
-        builder.permissions(fs::Permissions::from_mode(0o777));
-    }
-    builder.prefix(prefix).suffix(suffix).tempdir_in(parent)
 }
 
 /// Moves `target` away to `old`, and `new` to `target`. A fault leaves `target` as it was.

@@ -72,6 +72,9 @@ pub enum CaptureError {
     /// The folder to write already exists.
     #[error("{}: already exists; a capture is written into a new folder", path.display())]
     InTheWay { path: PathBuf },
+    /// Another process writes the folder.
+    #[error("another process is writing `{}`; wait for it", path.display())]
+    Busy { path: PathBuf },
     /// An image has another number of pixels than the camera.
     #[error("frame {frame}: the {what} has {got} pixels, the camera {expected}")]
     PixelCount { frame: usize, what: &'static str, got: usize, expected: usize },

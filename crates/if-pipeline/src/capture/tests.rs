@@ -123,6 +123,26 @@ fn a_dropped_writer_leaves_nothing_and_a_folder_is_not_overwritten() {
 }
 
 #[test]
+fn what_a_killed_writer_left_goes_and_a_running_one_keeps_others_out() {
+    let parent = tempfile::tempdir().unwrap();
+    let path = parent.path().join("turn");
+    let killed = CaptureWriter::create(&path, &subject()).unwrap();
+    let half = killed.folder().join("half");
+    fs::write(&half, "of a frame").unwrap();
+    let other = CaptureWriter::create(&path, &subject());
+    assert!(matches!(other, Err(CaptureError::Busy { path: p }) if p == path));
+    // As a kill does it: locks are let go, files stay.
+    let hidden = half.parent().and_then(std::path::Path::parent).unwrap().to_path_buf();
+    fs::rename(&hidden, parent.path().join("kept")).unwrap();
+    drop(killed);
+    fs::rename(parent.path().join("kept"), &hidden).unwrap();
+    assert!(half.exists());
+    write(&path, 1);
+    assert_eq!(fs::read_dir(parent.path()).unwrap().count(), 1, "the capture alone");
+    assert!(!path.join("half").exists() && Capture::open(&path).is_ok());
+}
+
+#[test]
 fn noisy_images_are_preferred_unless_the_truth_is_requested() {
     let parent = tempfile::tempdir().unwrap();
     let path = parent.path().join("turn");

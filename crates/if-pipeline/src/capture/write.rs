@@ -6,14 +6,14 @@ use super::meta::{self, CONVENTION, FrameMeta, Meta};
 use super::picture::{self, Kind, PictureError};
 use if_body::Pose;
 use if_core::math::Real;
-use if_mesh::atomic::{temporary_folder, write_file};
+use if_mesh::atomic::{FileSet, FileSetError, write_file};
 use if_mesh::camera::Camera;
 use serde::Serialize;
 use std::collections::BTreeMap;
+use std::ffi::OsString;
 use std::fs::{self, File};
-use std::io::{BufWriter, Write};
+use std::io::{BufWriter, ErrorKind, Write};
 use std::path::{Path, PathBuf};
-use tempfile::TempDir;
 
 /// The description of a capture to be written.
 #[derive(Clone, Debug)]
@@ -84,12 +84,17 @@ struct Poses<'a> {
     frames: Vec<FrameMeta>,
 }
 
-/// Writes a capture into a temporary folder beside the final one, which [`CaptureWriter::finish`]
-/// renames. If dropped before, no files are left.
+/// Writes a capture into a hidden folder beside the final one, out of which [`CaptureWriter::finish`]
+/// moves it. If dropped before, no files are left; what a killed process left, the next writer of the
+/// same folder removes.
 #[derive(Debug)]
 pub struct CaptureWriter {
     target: PathBuf,
-    part: TempDir,
+    /// The name of the folder.
+    name: OsString,
+    /// Has the folder as its one file.
+    hidden: FileSet,
+    part: PathBuf,
     meta: Meta,
     size: (usize, usize),
     noisy: [bool; 2],
@@ -100,7 +105,7 @@ impl CaptureWriter {
     ///
     /// # Errors
     ///
-    /// Names are invalid, the folder exists, or its parent is not writable.
+    /// Names are invalid, the folder exists, its parent is not writable, or another process writes it.
     pub fn create(folder: &Path, subject: &Subject) -> Result<Self, CaptureError> {
         let fault = |source| CaptureError::Io { path: folder.into(), source };
         if folder.exists() {
@@ -116,10 +121,11 @@ impl CaptureWriter {
             Some(p) if !p.as_os_str().is_empty() => p,
             _ => Path::new("."),
         };
-        fs::create_dir_all(parent).map_err(fault)?;
-        let part = temporary_folder(parent).map_err(fault)?;
+        let name = folder.file_name().ok_or_else(|| fault(ErrorKind::InvalidInput.into()))?;
+        let hidden = FileSet::open_for(parent, name).map_err(|error| of_files(folder, error))?;
+        let part = hidden.path(name);
         for kind in Kind::ALL {
-            fs::create_dir(part.path().join(kind.folder())).map_err(fault)?;
+            fs::create_dir_all(part.join(kind.folder())).map_err(fault)?;
         }
         let camera = &subject.camera;
         let meta = Meta {
@@ -140,12 +146,13 @@ impl CaptureWriter {
             frames: Vec::new(),
         };
         let size = (camera.width(), camera.height());
-        Ok(Self { target: folder.into(), part, meta, size, noisy: [false; 2] })
+        let (target, name) = (folder.to_path_buf(), name.to_owned());
+        Ok(Self { target, name, hidden, part, meta, size, noisy: [false; 2] })
     }
 
     /// The temporary folder: other files in it become part of the capture.
     pub fn folder(&self) -> &Path {
-        self.part.path()
+        &self.part
     }
 
     /// Writes the next frame.
@@ -174,7 +181,7 @@ impl CaptureWriter {
             self.noisy = noisy;
             for kind in [Kind::Mask, Kind::Label] {
                 if noisy[kind as usize] {
-                    let path = self.part.path().join(kind.noisy());
+                    let path = self.part.join(kind.noisy());
                     fs::create_dir(&path).map_err(|source| CaptureError::Io { path, source })?;
                 }
             }
@@ -219,13 +226,13 @@ impl CaptureWriter {
         Ok(())
     }
 
-    /// Writes `meta.json` and renames the folder.
+    /// Writes `meta.json` and moves the folder to its name.
     ///
     /// # Errors
     ///
     /// The capture has no frames, the folder exists by now, or files cannot be written.
     pub fn finish(self) -> Result<(), CaptureError> {
-        let path = self.part.path().join(meta::FILE);
+        let path = self.part.join(meta::FILE);
         self.meta.checked(&path)?;
         let text = serde_json::to_vec(&self.meta)
             .map_err(|source| CaptureError::Json { path: path.clone(), source })?;
@@ -233,11 +240,7 @@ impl CaptureWriter {
         if self.target.exists() {
             return Err(CaptureError::InTheWay { path: self.target });
         }
-        let fault = |source| CaptureError::Io { path: self.target.clone(), source };
-        fs::rename(self.part.path(), &self.target).map_err(fault)?;
-        // The temporary folder was renamed: nothing is left to delete.
-        let _ = self.part.keep();
-        Ok(())
+        self.hidden.commit(&[&self.name]).map_err(|error| of_files(&self.target, error))
     }
 
     fn file(
@@ -246,9 +249,22 @@ impl CaptureWriter {
         folder: &str,
         write: impl FnOnce(BufWriter<File>) -> Result<(), PictureError>,
     ) -> Result<(), CaptureError> {
-        let path = self.part.path().join(folder).join(meta::file_name(frame as u32));
+        let path = self.part.join(folder).join(meta::file_name(frame as u32));
         let done =
             File::create(&path).map_err(PictureError::Io).and_then(|f| write(BufWriter::new(f)));
         done.map_err(|source| CaptureError::Picture { frame, path, source })
+    }
+}
+
+/// Why a capture's folder cannot be written.
+fn of_files(folder: &Path, error: FileSetError) -> CaptureError {
+    let path = folder.to_path_buf();
+    match error {
+        FileSetError::Busy { .. } => CaptureError::Busy { path },
+        FileSetError::InTheWay { .. } => CaptureError::InTheWay { path },
+        FileSetError::Folder { source, .. } | FileSetError::File { source, .. } => {
+            CaptureError::Io { path, source }
+        }
+        error => CaptureError::Io { path, source: std::io::Error::other(error) },
     }
 }

@@ -154,6 +154,30 @@ fn a_damaged_body_is_not_replaced_by_another_of_its_name() {
 }
 
 #[test]
+fn a_garment_that_another_process_has_added_meanwhile_is_not_replaced() {
+    let root = tempfile::tempdir().unwrap();
+    let mut late = filled(root.path());
+    let mut early = Wardrobe::open(root.path()).unwrap();
+    let (mesh, body) = (garment(Garment::Skirt, &COARSE), late.body_info("slim").unwrap());
+    let body = body.reference();
+    let add = |wardrobe: &mut Wardrobe, name: &str, source: &str| {
+        let provenance = Provenance { source: source.into(), ..Provenance::default() };
+        wardrobe.add(&parts(name, &mesh, &body, &provenance)).map(drop)
+    };
+    // A new one, and one that both had found.
+    for name in ["scarf", "coat"] {
+        add(&mut early, name, "first").unwrap();
+        let fault = add(&mut late, name, "second");
+        assert!(matches!(fault, Err(WardrobeError::Busy { .. })), "{fault:?}");
+        let stored = Wardrobe::open(root.path()).unwrap();
+        assert_eq!(stored.garments()[name].provenance.source, "first");
+        // Who knows it may replace it.
+        add(&mut early, name, "third").unwrap();
+        add(&mut Wardrobe::open(root.path()).unwrap(), name, "fourth").unwrap();
+    }
+}
+
+#[test]
 fn the_longest_name_that_is_taken_gets_a_number_too() {
     let root = tempfile::tempdir().unwrap();
     let mut wardrobe = filled(root.path());

@@ -26,7 +26,7 @@ class Reconstruction:
     labels: NDArray[np.uint8] = field(repr=False)
     #: The garments by name, inner to outer.
     garments: dict[str, Arrays] = field(repr=False)
-    #: The report, with the keys of ``ifg reconstruct --json``.
+    #: The report, with the keys of ``ifg reconstruct --json`` but ``wrote``.
     report: dict[str, Any] = field(repr=False)
 
 
