@@ -179,4 +179,20 @@ mod tests {
         let few = Underside { spanned: vec![true; n], unseen: 0.1 };
         assert_eq!(few.voted(&sheet, votes.clone()), votes);
     }
+
+    #[test]
+    fn what_hangs_about_the_legs_does_not_hang_about_the_arms() {
+        let skeleton = if_body::mannequin::rig::skeleton();
+        let names = ["left_thigh", "right_thigh"].map(String::from);
+        let about = about(&skeleton, &names);
+        let found: Vec<&str> =
+            skeleton.names().zip(&about).filter(|(_, a)| **a).map(|n| n.0).collect();
+        assert_eq!(found, ["hips", "left_thigh", "right_thigh"]);
+        // A sleeve's vertex is moved most by the forearm, though a little by the trunk.
+        let forearm = skeleton.names().position(|name| name == "left_forearm").unwrap() as u16;
+        let skin =
+            SkinWeights::new(vec![[0, forearm, 1, 0]], vec![[0.2, 0.7, 0.1, 0.0]], skeleton.len());
+        assert_eq!(strongest(&skin.unwrap(), 0), forearm);
+        assert!(!about[usize::from(forearm)]);
+    }
 }
