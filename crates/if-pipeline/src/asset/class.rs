@@ -104,38 +104,30 @@ const WORDS: [(&str, GarmentClass, u8); 38] = [
 const WHOLE_WORDS: [(&str, GarmentClass, u8); 3] =
     [("tee", GarmentClass::Top, 0), ("top", GarmentClass::Top, 0), ("polo", GarmentClass::Top, 1)];
 
-/// Words in names of tops that are closed in front.
-const CLOSED: [&str; 11] = [
-    "undershirt",
-    "sweatshirt",
-    "tshirt",
-    "t-shirt",
-    "tank",
-    "longsleeve",
-    "long-sleeve",
-    "long_sleeve",
-    "sweater",
-    "pullover",
-    "turtleneck",
-];
+/// Words of tops that may be open in front.
+const BUTTONED: [&str; 7] = ["tunic", "blouse", "shirt", "hoodie", "upper", "top", "polo"];
+
+/// The word in an English name that determines its class.
+fn word(name: &str) -> Option<&'static (&'static str, GarmentClass, u8)> {
+    let name = name.to_ascii_lowercase();
+    let is_word = |word| name.split(|c: char| !c.is_alphabetic()).any(|part| part == word);
+    let found = WORDS.iter().find(|(word, ..)| name.contains(word));
+    found.or_else(|| WHOLE_WORDS.iter().find(|(word, ..)| is_word(*word)))
+}
 
 /// Smallest number of openings of a garment of this name ([`GarmentClass::least_openings`]); of a T-shirt, which is
 /// closed in front, all.
 pub(crate) fn least_openings(name: &str) -> Option<usize> {
-    let class = LayerHint::of_name(name).class;
-    let name = name.to_ascii_lowercase();
-    let is_closed = class == GarmentClass::Top && CLOSED.iter().any(|word| name.contains(word));
+    let (word, class, _) = word(name)?;
+    let is_closed = *class == GarmentClass::Top && !BUTTONED.contains(word);
     if is_closed { class.most_openings() } else { class.least_openings() }
 }
 
 impl LayerHint {
     /// The hint of an English name; [`GarmentClass::Other`] if no word matches.
     pub fn of_name(name: &str) -> Self {
-        let name = name.to_ascii_lowercase();
-        let is_word = |word| name.split(|c: char| !c.is_alphabetic()).any(|part| part == word);
-        let found = WORDS.iter().find(|(word, ..)| name.contains(word));
-        let found = found.or_else(|| WHOLE_WORDS.iter().find(|(word, ..)| is_word(*word)));
-        found.map_or(Self::default(), |(_, class, order)| Self { class: *class, order: *order })
+        word(name)
+            .map_or(Self::default(), |(_, class, order)| Self { class: *class, order: *order })
     }
 
     /// Whether a garment of hint `outer` may be worn over this one, directly or with layers between.
@@ -190,6 +182,10 @@ mod tests {
     fn a_top_that_is_closed_in_front_has_four_openings() {
         let least = ["tshirt", "Sweater", "blouse", "coat", "skirt", "thing"].map(least_openings);
         assert_eq!(least, [Some(4), Some(4), Some(3), Some(3), Some(1), None]);
+        assert_eq!(
+            ["tee_m4", "jumper", "suit_shirt", "undershirt"].map(least_openings),
+            [4, 4, 3, 4].map(Some)
+        );
     }
 
     #[test]

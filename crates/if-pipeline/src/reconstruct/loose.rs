@@ -159,9 +159,9 @@ pub(super) fn loose_labels(views: &[View], labels: &[String]) -> Vec<bool> {
     }
     let first = usize::from(FIRST_GARMENT).min(labels.len());
     let all: usize = counts[first..].iter().sum();
-    let spans_legs = |name: &str| LayerHint::of_name(name).class != GarmentClass::Legs;
+    let may_hang = |name: &str| LayerHint::of_name(name).class != GarmentClass::Legs;
     let enough = |(k, n): (usize, &usize)| {
-        k >= first && *n > 0 && *n as Real >= LOOSE * all as Real && spans_legs(&labels[k])
+        k >= first && *n > 0 && *n as Real >= LOOSE * all as Real && may_hang(&labels[k])
     };
     counts.iter().enumerate().map(enough).collect()
 }
