@@ -2,6 +2,7 @@
 //! as a lattice that hangs at the cloth.
 
 use if_core::edges::{Edges, part_count, parts_by_edges};
+use if_core::geodesic::Neighbours;
 use if_core::math::{Point, Real, Vector, area_vector};
 use if_core::mesh::TriMesh;
 use if_mesh::cleanup::Around;
@@ -73,8 +74,8 @@ pub(super) fn removed(piece: &TriMesh, seen: &[bool], lines: &[Vec<Point>]) -> O
     kept.contains(&false).then(|| of(&kept))
 }
 
-/// Rings of triangles about the ends of a garment that count as near them: 2 to 3 cm.
-const RINGS: usize = 4;
+/// How far along the cloth from the ends of a garment a triangle counts as near them, in metres.
+const NEAR: Real = 0.025;
 /// How much longer what a limb leads through may become.
 const LONGER: Real = 1.15;
 
@@ -89,18 +90,11 @@ struct Ends<'a> {
 
 impl<'a> Ends<'a> {
     fn new(piece: &TriMesh, lines: &'a [Vec<Point>]) -> Self {
-        let mut vertices = vec![false; piece.vertices().len()];
-        for (_, walk) in loops_about(piece, lines) {
-            walk.iter().for_each(|v| vertices[*v as usize] = true);
-        }
-        let mut near = vec![false; piece.triangles().len()];
-        for _ in 0..RINGS {
-            for (near, t) in near.iter_mut().zip(piece.triangles()) {
-                *near |= t.iter().any(|v| vertices[*v as usize]);
-            }
-            let ring = piece.triangles().iter().zip(&near).filter(|(_, near)| **near);
-            ring.flat_map(|(t, _)| t).for_each(|v| vertices[*v as usize] = true);
-        }
+        let ends = loops_about(piece, lines).flat_map(|(_, walk)| walk);
+        let neighbours = Neighbours::new(&Edges::new(piece), piece.vertices());
+        let far = neighbours.distances(ends, NEAR);
+        let is_near = |t: &[u32; 3]| t.iter().any(|v| far[*v as usize] <= NEAR);
+        let near = piece.triangles().iter().map(is_near).collect();
         Self { lines, lengths: lengths(piece, lines), near }
     }
 
