@@ -1,6 +1,7 @@
 //! `ifg reconstruct`: a capture becomes garments of a wardrobe.
 
 mod claim;
+mod finished;
 mod names;
 mod page;
 mod state;
@@ -16,6 +17,7 @@ use crate::print::{print, print_json};
 use crate::progress::Line;
 use crate::values::{above_zero, pose_sigma};
 use claim::{Claim, Running};
+use finished::{REPORT, Request};
 use clap::Args;
 use if_body::{TemplateBody, check_upright};
 use if_core::monitor::Progress;
@@ -33,6 +35,7 @@ use if_pipeline::reconstruct::{
 use if_pipeline::wardrobe::{NewBody, Wardrobe, WardrobeError};
 use miette::{Diagnostic, Report};
 use state::State;
+use serde::Serialize;
 use std::error::Error;
 use std::fs;
 use std::io;
@@ -44,17 +47,20 @@ use summary::{summary, warnings};
 use taken::Names;
 use written::Written;
 
-#[derive(Args, Debug, Clone)]
+#[derive(Args, Debug, Clone, Serialize)]
 pub(crate) struct ReconstructArgs {
     /// The capture: a folder as docs/reference/capture.md specifies it.
     #[arg(value_name = "CAPTURE")]
+    #[serde(skip)]
     pub(crate) capture: PathBuf,
     /// The template body: a folder with body_clean.ply, or body.ply, and skeleton.json.
     #[arg(long, value_name = "DIR")]
+    #[serde(skip)]
     pub(crate) body: PathBuf,
     /// The wardrobe that gets the body and the garments; the clothed person and a report go to
     /// clothed/CAPTURE in it. A run that was stopped goes on from its last round.
     #[arg(short, long, value_name = "WARDROBE")]
+    #[serde(skip)]
     pub(crate) out: PathBuf,
     /// Use the first frame and each N-th after it. 24 to 50 frames of a turn are enough.
     #[arg(long, value_name = "N", default_value = "1")]
@@ -70,6 +76,7 @@ pub(crate) struct ReconstructArgs {
     /// Replace what was made of this capture before its meta.json was changed. Without this that is
     /// an error: it may be another person's. Nothing of another folder is ever replaced.
     #[arg(long)]
+    #[serde(skip)]
     pub(crate) replace: bool,
     /// Side of the cells of the canonical mesh, with a unit; 8mm by default.
     #[arg(long, value_name = "LENGTH", value_parser = above_zero)]
@@ -111,33 +118,43 @@ pub(crate) struct ReconstructArgs {
     /// default what meta.json states, and 3,9 if it states nothing.
     #[arg(long, value_name = "DEG,MM", value_parser = pose_sigma)]
     pub(crate) pose_noise: Option<PoseSigma>,
+    /// Reconstruct what is finished again. Without this a capture is skipped whose garments are in the
+    /// wardrobe as the same program made them of the same files with the same options.
+    #[arg(long)]
+    #[serde(skip)]
+    pub(crate) again: bool,
     /// Exit with code 1 after a warning: frames are not used, or frames or joints do not match their
     /// images, axes of normals are flipped, there are none, or most contradict the surface, a garment could not be
     /// made, no frame sees a third of it, or the edge of the picture cuts it. Everything is written all
     /// the same.
     #[arg(long)]
+    #[serde(skip)]
     pub(crate) strict: bool,
     /// Print the report as JSON on stdout, and no summary.
     #[arg(long)]
+    #[serde(skip)]
     pub(crate) json: bool,
 }
 
 /// How the clothed person is found.
-#[derive(clap::ValueEnum, Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(clap::ValueEnum, Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "lowercase")]
 pub(crate) enum Route {
     Surface,
     Fields,
 }
 
 /// The network of φ.
-#[derive(clap::ValueEnum, Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(clap::ValueEnum, Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "lowercase")]
 pub(crate) enum PhiOf {
     Grid,
     Mlp,
 }
 
 /// Where the motion of single frames comes from.
-#[derive(clap::ValueEnum, Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(clap::ValueEnum, Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "lowercase")]
 pub(crate) enum MotionFrom {
     Solved,
     None,
@@ -249,6 +266,14 @@ pub(crate) fn run(args: &ReconstructArgs) -> Result<End, Report> {
         format!("template body `{}` cannot be added to a wardrobe", args.body.display()),
         "look at its files; docs/reference/capture.md specifies them",
     ))?;
+    let request = Request::new(args, (&capture, &made_of), paths.files())
+        .map_err(fault("cannot read what is to be reconstructed", "look at the files named"))?;
+    if let Some(finished) = request.finished(&args.out, &name).filter(|_| !args.again) {
+        state.remove();
+        drop((running, line));
+        finished.tell(&name, args)?;
+        return Ok(end(args, &finished.warnings));
+    }
     let start = Instant::now();
     let mut pace = Pace::new();
     let mut monitor = |p: &Progress| {
@@ -299,7 +324,9 @@ pub(crate) fn run(args: &ReconstructArgs) -> Result<End, Report> {
         error => fault(writing("assets"), "look at what is named")(error).into(),
     })?;
     written.clothed = format!("{CLOTHED}/{name}");
-    write_clothed(args, (&writer, &name), finished, &template)
+    let warnings = warnings(&found.report);
+    let record = |folder: &Path| request.record(folder, &args.out, &written, &warnings);
+    write_clothed(args, (&writer, &name), finished, &template, record)
         .map_err(fault(writing("the clothed body"), ROOM))?;
     state.remove();
     drop((running, line));
@@ -308,14 +335,18 @@ pub(crate) fn run(args: &ReconstructArgs) -> Result<End, Report> {
             "garment `{name}` stays from an earlier reconstruction of this capture: this one has not made it. Remove its folder if it is of no use"
         ));
     }
-    let warnings = warnings(&found.report);
     if args.json {
         print_json(&written.with(&found.report))?;
         warnings.iter().for_each(|text| errors::note(text));
     } else {
         print(&(summary(&name, &found.report, seconds) + &written.line(&args.out)))?;
     }
-    Ok(if args.strict && !warnings.is_empty() { End::NotClean } else { End::Clean })
+    Ok(end(args, &warnings))
+}
+
+/// How a run ends that made what it could.
+fn end(args: &ReconstructArgs, warnings: &[String]) -> End {
+    if args.strict && !warnings.is_empty() { End::NotClean } else { End::Clean }
 }
 
 /// What the options ask for.
@@ -473,6 +504,13 @@ impl BodyPaths {
         }
     }
 
+    fn files(&self) -> impl Iterator<Item = &Path> {
+        [Some(&self.mesh), self.template.as_ref(), self.skeleton.as_ref()]
+            .into_iter()
+            .flatten()
+            .map(PathBuf::as_path)
+    }
+
     fn body(&self) -> NewBody<'_> {
         NewBody {
             template: self.template.as_deref(),
@@ -524,6 +562,7 @@ fn write_clothed(
     (writer, name): (&FolderWriter, &str),
     (capture, found, provenance): Finished<'_>,
     template: &TemplateBody,
+    record: impl FnOnce(&Path) -> io::Result<()>,
 ) -> io::Result<()> {
     let corrected = found.corrected(capture).map_err(io::Error::other)?;
     writer.write(name, |folder| {
@@ -558,7 +597,8 @@ fn write_clothed(
                 .map_err(io::Error::other)?;
         }
         fs::write(folder.join(PROVENANCE), serde_json::to_vec_pretty(provenance)?)?;
-        fs::write(folder.join("report.json"), serde_json::to_vec_pretty(&found.report)?)?;
-        fs::write(folder.join("report.html"), page::page(name, found)?)
+        fs::write(folder.join(REPORT), serde_json::to_vec_pretty(&found.report)?)?;
+        fs::write(folder.join("report.html"), page::page(name, found)?)?;
+        record(folder)
     })
 }

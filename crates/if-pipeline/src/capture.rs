@@ -181,6 +181,12 @@ impl Capture {
         Ok(this)
     }
 
+    /// Every file that it is read from: the description, then the images of each frame.
+    pub fn files(&self) -> impl Iterator<Item = PathBuf> {
+        let images = |frame| Kind::ALL.map(|kind| self.path(frame, kind));
+        std::iter::once(self.folder.join(meta::FILE)).chain((0..self.len()).flat_map(images))
+    }
+
     /// The folder.
     pub fn folder(&self) -> &Path {
         &self.folder

@@ -1,11 +1,10 @@
 //! What a run wrote into a wardrobe, by name.
 
-use if_pipeline::reconstruct::ReconstructReport;
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 use std::path::Path;
 
 /// Names in the wardrobe.
-#[derive(Debug, Clone, Default, Serialize)]
+#[derive(Debug, Clone, Default, Serialize, Deserialize)]
 pub(super) struct Written {
     /// The body, which another run may have added before.
     pub(super) body: String,
@@ -17,14 +16,14 @@ pub(super) struct Written {
 
 /// A report with what was written.
 #[derive(Serialize)]
-pub(super) struct WithWritten<'a> {
+pub(super) struct WithWritten<'a, R> {
     wrote: &'a Written,
     #[serde(flatten)]
-    report: &'a ReconstructReport,
+    report: &'a R,
 }
 
 impl Written {
-    pub(super) fn with<'a>(&'a self, report: &'a ReconstructReport) -> WithWritten<'a> {
+    pub(super) fn with<'a, R: Serialize>(&'a self, report: &'a R) -> WithWritten<'a, R> {
         WithWritten { wrote: self, report }
     }
 

@@ -271,12 +271,54 @@ fn another_description_at_the_same_place_replaces_nothing_unless_that_is_asked_f
 }
 
 #[test]
+fn a_finished_capture_is_skipped_until_something_of_it_changes() {
+    let folder = Folder::new();
+    folder.ifg(CAPTURE).expect(0);
+    let args = format!("reconstruct cap --body cap/body --out w {QUICK}");
+    let is_skipped = |args: &str| {
+        let stdout = folder.ifg(args).expect(0).stdout;
+        stdout.contains("cap: finished before, skipped (--again does it again)")
+    };
+    let first = folder.ifg(&format!("{args} --json")).expect(0);
+    assert!(is_skipped(&args));
+    assert_eq!(folder.ifg(&format!("{args} --json")).expect(0).stdout, first.stdout);
+    assert!(!is_skipped(&format!("{args} --again")));
+    // Another option, other pictures, another body, a file that is gone or not as it was written.
+    assert!(!is_skipped(&format!("{args} --bake")));
+    assert!(is_skipped(&format!("{args} --bake")) && !is_skipped(&args));
+    folder.write("cap/mask_noisy/0001.png", folder.read("cap/mask_noisy/0002.png"));
+    assert!(!is_skipped(&args) && is_skipped(&args));
+    let mut skeleton = folder.read("cap/body/skeleton.json");
+    skeleton.push(b'\n');
+    folder.write("cap/body/skeleton.json", skeleton);
+    assert!(!is_skipped(&args) && is_skipped(&args));
+    fs::remove_dir_all(folder.path("w/garments/cap_tshirt")).unwrap();
+    assert!(!is_skipped(&args) && is_skipped(&args));
+    fs::remove_file(folder.path("w/clothed/cap/report.html")).unwrap();
+    assert!(!is_skipped(&args) && is_skipped(&args));
+    folder.write("w/clothed/cap/receipt.json", "{");
+    assert!(!is_skipped(&args) && is_skipped(&args));
+}
+
+#[test]
+fn what_a_finished_capture_was_warned_of_fails_strict_again() {
+    let folder = Folder::new();
+    folder.ifg(&CAPTURE.replace("--frames 6", "--frames 3")).expect(0);
+    let args = format!("reconstruct cap --body cap/body --out w --strict {QUICK}");
+    let runs = [folder.ifg(&args).expect(1).stdout, folder.ifg(&args).expect(1).stdout];
+    let warned = |text: &str| text.matches("warning: ").count();
+    assert!(runs[1].contains("finished before"), "{}", runs[1]);
+    assert!(warned(&runs[0]) > 0 && warned(&runs[0]) == warned(&runs[1]), "{runs:?}");
+}
+
+#[test]
 fn a_damaged_checkpoint_starts_anew_with_a_note_and_half_of_one_is_removed() {
     let folder = Folder::new();
     folder.ifg(CAPTURE).expect(0);
     let args = format!("reconstruct cap --body cap/body --out w --prefix a_ --verbose {QUICK}");
     let state = "w/.cap.a_.reconstruct.state";
     fs::create_dir_all(folder.path("w")).unwrap();
+    let args = args + " --again";
     for damaged in [&b""[..], &[0; 500], b"ifg surface v0\n\0 of another version"] {
         folder.write(state, damaged);
         // What a kill leaves while it is written, and what another process is writing.
