@@ -165,6 +165,17 @@ fn positions_that_are_no_single_precision_are_rounded_before_they_are_proven() {
     let result = assert_clean(&outfit, resolved(&outfit));
     let single = |p: &Point| p.iter().all(|x| f64::from(*x as f32) == *x);
     assert!(result.outfit.garments.iter().all(|g| g.mesh.vertices().iter().all(single)));
+    // What rounding moves is reported: files with one decimal are off by up to 9 cm.
+    outfit.garments.truncate(1);
+    outfit.garments[0].storage = Storage::Text { decimals: 1 };
+    let coarse = match resolve(&outfit, &ResolveParams::default(), &mut Silent) {
+        Err(ResolveError::Unresolved { result, .. }) => *result,
+        result => result.unwrap(),
+    };
+    let [before, after] = [&outfit, &coarse.outfit].map(|o| o.garments[0].mesh.vertices());
+    let truly = before.iter().zip(after).map(|(p, q)| (q - p).norm()).fold(0.0, f64::max);
+    assert!(truly > 0.05, "{truly}");
+    assert_eq!(coarse.report.layers[0].moved.max, truly);
 }
 
 #[test]

@@ -68,6 +68,12 @@ fn algorithm_1_reads_the_field_that_a_garment_comes_with() {
     let inside = [&by_phi, &by_mesh].map(|found| depths(found, true));
     assert!(2.0 * inside[0] < inside[1], "{inside:?} m in the box");
     assert!(depths(&by_phi, false) > 0.0);
+    // One that is NaN in the box is an error, not no constraint.
+    let undefined = Sphere { radius: f64::NAN, ..phi };
+    let found = resolve_on_fields(&outfit, &[Some(&undefined), None], &paper(), &mut Silent);
+    assert!(
+        matches!(found, Err(ResolveError::Field { layer, at }) if layer == "belt" && belt.contains(&at))
+    );
     // The other method does not read it.
     let contacts = ResolveParams::default();
     let found = by([Some(&phi), None], &contacts);

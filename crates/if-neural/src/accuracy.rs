@@ -31,7 +31,7 @@ pub struct FieldAccuracy {
     pub eikonal: Real,
     /// Mean angle of ∇φ against the target's normals on the surface, in degrees.
     pub normal_degrees: Real,
-    /// Points near the surface, and as many on it.
+    /// Points near the surface.
     pub points: usize,
 }
 

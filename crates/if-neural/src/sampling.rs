@@ -1,7 +1,10 @@
 //! Training and held-out points: many near the surface, some everywhere, the same for the same
 //! seed.
 
+mod scan;
 mod surface;
+
+pub(crate) use scan::Scan;
 
 use crate::accuracy::HeldOut;
 use crate::cloud::OrientedPoints;
@@ -14,7 +17,6 @@ use if_core::math::{Point, Real, Vector, unit_or_zero};
 use if_core::parameter::ParameterError;
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
-use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 /// Counts and places of training points. Lengths are in network units, halves of the cube's side, unless
@@ -26,7 +28,8 @@ pub struct SamplingParams {
     pub near: usize,
     /// Training points anywhere in the cube.
     pub far: usize,
-    /// Held-out points near the surface.
+    /// Held-out points near the surface. Of oriented points these lie along the normals of every twentieth,
+    /// which nothing else is taken from.
     pub held_out: usize,
     /// Standard deviations of the training points' distance from the surface; they are used in
     /// turn.
@@ -155,60 +158,6 @@ impl TrainingSet {
             HeldOut::new(&beside, &sampled(target, &beside)?, &judged, &sampled(target, &judged)?);
         Ok(Self { frame, near, far, held_out })
     }
-
-    /// Points of a noisy, possibly holed surface: every twentieth is held out.
-    ///
-    /// # Errors
-    ///
-    /// A parameter out of range.
-    pub fn of_points(cloud: &OrientedPoints, params: &SamplingParams) -> Result<Self, TargetError> {
-        params.validate()?;
-        let frame = params.frame(&cloud.aabb())?;
-        let smoothing = params.smoothing_of(cloud);
-        let mut random = params.random(1);
-        let near: Vec<Point> = (0..params.near)
-            .map(|k| {
-                let p = cloud.points()[kept(random.random_range(0..cloud.points().len()))];
-                p + gaussian(&mut random) * (params.spread[k % 2] / frame.scale)
-            })
-            .collect();
-        let far = anywhere(&frame, params.far, &mut params.random(2));
-        let known = |points: Vec<Point>, near: bool| -> Samples {
-            let known = points.par_iter().map(|p| {
-                let e = cloud.estimate(p, smoothing);
-                // Far from the points only the side and a rough distance are known.
-                let trust = e.trust * if near { 1.0 } else { 0.3 };
-                Known {
-                    distance: (e.distance * frame.scale) as f32,
-                    gradient: e.normal.map(|x| x as f32).into(),
-                    distance_trust: trust as f32,
-                    gradient_trust: if e.nearest <= 2.0 * smoothing { trust as f32 } else { 0.0 },
-                }
-            });
-            Samples {
-                known: known.collect(),
-                points: points.iter().map(|p| frame.to_unit(p)).collect(),
-            }
-            .sorted()
-        };
-        let held: Vec<usize> = (0..cloud.points().len()).filter(|i| i % 20 == 7).collect();
-        let points: Vec<Point> = held.iter().map(|i| cloud.points()[*i]).collect();
-        let on: Vec<FieldSample> = held
-            .iter()
-            .map(|i| FieldSample { distance: 0.0, gradient: cloud.normals()[*i] })
-            .collect();
-        Ok(Self {
-            frame,
-            near: known(near, true),
-            far: known(far, false),
-            held_out: HeldOut::new(&points, &on, &points, &on),
-        })
-    }
-}
-
-/// The index itself, or that of its neighbour if the point is held out.
-fn kept(i: usize) -> usize {
-    if i % 20 == 7 { i - 1 } else { i }
 }
 
 fn anywhere(frame: &Frame, n: usize, random: &mut Pcg64Mcg) -> Vec<Point> {

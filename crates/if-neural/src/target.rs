@@ -4,10 +4,12 @@ use crate::cloud::OrientedPoints;
 use crate::error::TargetError;
 use crate::loss::LossParams;
 use crate::network::{Network, NetworkConfig};
-use crate::sampling::{SamplingParams, TrainingSet};
+use crate::sampling::{SamplingParams, Scan, TrainingSet};
 use if_core::field::SignedDistance;
 use if_core::math::{Point, Real};
-use rayon::prelude::*;
+
+/// The distances at points.
+type Distances<'a> = Box<dyn Fn(&[Point], &mut [Real]) + 'a>;
 
 /// What a network is fitted to.
 #[derive(Clone, Copy)]
@@ -55,23 +57,27 @@ impl Target<'_> {
         params: &SamplingParams,
     ) -> Result<(TrainingSet, Network), TargetError> {
         let mut network = Network::new(config, params.seed)?; // sizes are checked before sampling
-        let set = self.training_set(params)?;
+        params.validate()?;
+        let (set, distances): (TrainingSet, Distances<'_>) = match self {
+            Self::Field(field) => {
+                let set = TrainingSet::of_field(*field, params)?;
+                (set, Box::new(|points, out| field.distances(points, out)))
+            }
+            Self::Points(cloud) => {
+                let scan = Scan::new(cloud, params)?;
+                (
+                    scan.training_set(params)?,
+                    Box::new(move |points, out| scan.distances(points, out)),
+                )
+            }
+        };
         if let Network::Grid(grid) = &mut network {
             let levels = grid.config().levels as usize;
             grid.seed(levels, |units, out| {
                 let points: Vec<Point> = units.iter().map(|u| set.frame.to_metres(u)).collect();
-                let mut distances = vec![0.0; points.len()];
-                match self {
-                    Self::Field(field) => field.distances(&points, &mut distances),
-                    Self::Points(cloud) => {
-                        let smoothing = params.smoothing_of(cloud);
-                        points
-                            .par_iter()
-                            .zip(&mut distances)
-                            .for_each(|(p, d)| *d = cloud.estimate(p, smoothing).distance);
-                    }
-                }
-                for (o, d) in out.iter_mut().zip(&distances) {
+                let mut found = vec![0.0; points.len()];
+                distances(&points, &mut found);
+                for (o, d) in out.iter_mut().zip(&found) {
                     // Where the field is not finite, nodes start outside the surface.
                     let d: Real = if d.is_finite() { *d } else { 1.0 / set.frame.scale };
                     *o = (d * set.frame.scale) as f32;

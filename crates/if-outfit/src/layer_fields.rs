@@ -1,6 +1,7 @@
 //! Fields that garments come with, such as a trained φ: what Algorithm 1 reads of a layer instead of
 //! its mesh.
 
+use crate::outfit::Outfit;
 use if_core::aabb::Aabb;
 use if_core::field::{FieldSample, SignedDistance};
 use if_core::masked::{BoxMask, Masked};
@@ -66,6 +67,21 @@ impl SignedDistance for Nearest<'_> {
 
 fn nearer(a: FieldSample, b: FieldSample) -> FieldSample {
     if b.distance < a.distance { b } else { a }
+}
+
+/// A garment whose field is NaN, and where: of the vertices in its box of garments over it and of its own, at which
+/// the field is read first.
+pub(crate) fn undefined(outfit: &Outfit, fields: &[FieldOfGarment<'_>]) -> Option<(usize, Point)> {
+    fields.iter().enumerate().find_map(|(k, field)| {
+        let garments = &outfit.garments[k..];
+        let aabb = Aabb::from_points(garments[0].mesh.vertices());
+        let all = garments.iter().flat_map(|layer| layer.mesh.vertices());
+        let points: Vec<Point> = all.filter(|p| aabb.contains(p)).copied().collect();
+        let mut distances = vec![0.0; points.len()];
+        (*field)?.distances(&points, &mut distances);
+        let at = distances.iter().position(|d| d.is_nan())?;
+        Some((k, points[at]))
+    })
 }
 
 #[cfg(test)]

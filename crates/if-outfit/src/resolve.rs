@@ -3,7 +3,7 @@
 
 use crate::attempt::{Attempt, AttemptError};
 use crate::distances;
-use crate::layer_fields::FieldOfGarment;
+use crate::layer_fields::{self, FieldOfGarment};
 use crate::outfit::{Outfit, OutfitError};
 use crate::pinch::{draw_back, in_pinches};
 use crate::prepared_body::PreparedBody;
@@ -14,6 +14,7 @@ use crate::splitting;
 use crate::unresolved::Unresolved;
 use crate::verify::{body_own_pairs, verify, verify_result};
 use crate::welded::{Welded, seams_hold};
+use if_core::math::Point;
 use if_core::monitor::{Cancelled, Monitor};
 use if_core::parameter::ParameterError;
 use if_xpbd::report::StepError;
@@ -29,8 +30,8 @@ pub use crate::params::{
 #[derive(Clone, Debug, PartialEq)]
 pub struct Resolved {
     /// The same layers with the same triangles, unless [`GoalParams::split`] allowed otherwise;
-    /// garments that needed nothing are bit-identical, and so is the body unless it was drawn back
-    /// ([`Pinch::Yield`]).
+    /// garments that needed nothing are bit-identical, but for rounding to their
+    /// [`Layer::storage`](crate::Layer::storage), and so is the body unless it was drawn back ([`Pinch::Yield`]).
     pub outfit: Outfit,
     /// For each garment how the triangles of the input were split; `None` if they were not.
     pub splits: Vec<Option<if_mesh::split::SplitMesh>>,
@@ -75,6 +76,14 @@ pub enum ResolveError {
         /// What the solver reports.
         source: StepError,
     },
+    /// A field that a garment comes with is NaN near it.
+    #[error("the field of `{layer}` is NaN at {at} m; leave it out, or fit or bake it again")]
+    Field {
+        /// The garment.
+        layer: String,
+        /// Where.
+        at: Point,
+    },
     /// The monitor cancelled.
     #[error(transparent)]
     Cancelled(#[from] Cancelled),
@@ -114,11 +123,11 @@ pub fn resolve(
 ///
 /// # Errors
 ///
-/// As [`resolve`].
+/// As [`resolve`], and [`ResolveError::Field`].
 ///
 /// # Panics
 ///
-/// If there is not one entry for each garment, or a field is NaN.
+/// If there is not one entry for each garment.
 pub fn resolve_on_fields(
     outfit: &Outfit,
     fields: &[FieldOfGarment<'_>],
@@ -161,6 +170,11 @@ fn resolve_with(
 ) -> Result<Resolved, ResolveError> {
     settings.params.validate()?;
     outfit.check()?;
+    if settings.params.effort.method == Method::Paper
+        && let Some((k, at)) = layer_fields::undefined(outfit, settings.fields)
+    {
+        return Err(ResolveError::Field { layer: outfit.garments[k].name.clone(), at });
+    }
     match settings.params.goal.pinch {
         Pinch::Keep => resolve_on_body(outfit, settings, monitor),
         Pinch::Yield => resolve_on_drawn_back(outfit, settings, monitor),
@@ -234,6 +248,7 @@ fn resolve_on_body(
     distances::measure(&found, &attempt.closed, &mut report.after);
     if let Some(welded) = &mut welded {
         found = welded.unweld(outfit, found, &mut attempt.splits);
+        welded.measure_rounded([outfit, &found], &mut report.layers);
     }
     if !seams_hold(welded.as_ref(), outfit, &found) {
         let is_split = attempt.splits.iter().any(Option::is_some);

@@ -2,9 +2,11 @@
 //! to what will be stored.
 
 use crate::outfit::{Layer, Outfit};
+use crate::report::LayerReport;
 use crate::storage::Storage;
 use if_core::math::Point;
 use if_core::mesh::TriMesh;
+use if_mesh::measure::{displacement, strain};
 use if_mesh::seams::{self, weld, weld_all};
 use if_mesh::split::SplitMesh;
 use rayon::prelude::*;
@@ -16,6 +18,8 @@ pub(crate) struct Welded {
     pub(crate) outfit: Outfit,
     /// For each garment its welded seams; `None` if it has no seam.
     garments: Vec<Option<seams::Welded>>,
+    /// Whether rounding moved it.
+    rounded: Vec<bool>,
 }
 
 impl Welded {
@@ -43,6 +47,7 @@ impl Welded {
             storage: layer.storage,
         };
         let body = with(&outfit.body, body.as_ref(), None);
+        let rounded = garments.iter().map(|(_, stored)| stored.is_some()).collect();
         let (layers, garments) = outfit
             .garments
             .iter()
@@ -50,7 +55,7 @@ impl Welded {
             .map(|(layer, (welded, stored))| (with(layer, welded.as_ref(), stored), welded))
             .unzip();
         let outfit = Outfit { body, garments: layers };
-        Some(Self { outfit, garments })
+        Some(Self { outfit, garments, rounded })
     }
 
     /// The outfit `given` with the positions that were found for this one, and its garments split as
@@ -76,6 +81,21 @@ impl Welded {
             Layer { mesh, ..found }
         });
         Outfit { body: given.body.clone(), garments: garments.collect() }
+    }
+}
+
+impl Welded {
+    /// Measures garments that rounding moved against those given instead of the rounded ones; those that were
+    /// split have other vertices.
+    pub(crate) fn measure_rounded(&self, [given, found]: [&Outfit; 2], layers: &mut [LayerReport]) {
+        let garments = given.garments.iter().zip(&found.garments).zip(layers).zip(&self.rounded);
+        for (((given, found), report), _) in garments.filter(|(_, rounded)| **rounded) {
+            let [before, after] = [given, found].map(|layer| &layer.mesh);
+            if before.triangles() == after.triangles() {
+                report.moved = displacement(before.vertices(), after.vertices());
+                report.strain = strain(before, after.vertices());
+            }
+        }
     }
 }
 

@@ -4,6 +4,7 @@ use crate::errors::{Exception, no_json};
 use crate::layers::{NamedArrays, named_arrays};
 use crate::outfits::named;
 use crate::work;
+use if_body::AlignParams;
 use if_core::mesh::TriMesh;
 use if_core::monitor::Progress;
 use if_pipeline::wardrobe::batch::{self, BatchParams, Event, shard_folder};
@@ -104,7 +105,7 @@ pub(crate) fn wardrobe_dress(
 ) -> PyResult<Vec<NamedArrays<'_>>> {
     let dressed = work::run(py, threads, None, move |_| {
         let wardrobe = Wardrobe::open_existing(&root)?;
-        let dresser = Dresser::new(&wardrobe, MatchParams::default().align);
+        let dresser = Dresser::new(&wardrobe, AlignParams::default());
         dresser.dress(&Combination { body, garments }).map(|dressed| dressed.outfit)
     })?;
     let outfit = dressed.map_err(|e: WardrobeError| e.raised(py))?;
@@ -139,7 +140,7 @@ pub(crate) fn wardrobe_match(
     };
     let matched = work::run(py, threads, progress.as_ref(), move |monitor| {
         let wardrobe = Wardrobe::open_existing(&root)?;
-        let dresser = Dresser::new(&wardrobe, params.align);
+        let dresser = Dresser::new(&wardrobe, AlignParams::default());
         let combination = Combination { body, garments };
         run_into_folder(&out, &dresser, &combination, &params, again, monitor)
     })?;
@@ -175,7 +176,7 @@ pub(crate) fn wardrobe_batch(
     let out = part.map_or(out.clone(), |part| shard_folder(&out, &part));
     let done = work::run(py, threads, progress.as_ref(), move |monitor| {
         let wardrobe = Wardrobe::open_existing(&root)?;
-        let dresser = Dresser::new(&wardrobe, params.align);
+        let dresser = Dresser::new(&wardrobe, AlignParams::default());
         let combinations: Vec<Combination> = combinations
             .into_iter()
             .map(|(body, garments)| Combination { body, garments })

@@ -10,6 +10,7 @@ use crate::print::{print, print_json};
 use crate::progress;
 use crate::shard::Shard;
 use clap::{ArgGroup, Args};
+use if_body::AlignParams;
 use if_mesh::regular_file;
 use if_pipeline::wardrobe::batch::{self, BatchParams, Event, shard_folder};
 use if_pipeline::wardrobe::combination::{Combination, Combinations, Order, RandomParams, random};
@@ -107,7 +108,7 @@ pub(super) fn run(args: &BatchArgs) -> Result<End, Report> {
     let height = if args.no_pictures { 0 } else { PICTURE_HEIGHT };
     let params =
         MatchParams { meshes: !args.no_meshes, ..match_params(&args.params, args.fields, height)? };
-    let dresser = Dresser::new(&wardrobe, params.align);
+    let dresser = Dresser::new(&wardrobe, AlignParams::default());
     let bar = progress(combinations.len());
     // Why a line could not be printed: the first of several done at once.
     let unprinted: Mutex<Option<Report>> = Mutex::new(None);

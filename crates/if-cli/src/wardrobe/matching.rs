@@ -11,6 +11,7 @@ use crate::print::{print, print_json};
 use crate::progress::Line;
 use crate::table;
 use clap::Args;
+use if_body::AlignParams;
 use if_pipeline::wardrobe::WardrobeError;
 use if_pipeline::wardrobe::combination::Combination;
 use if_pipeline::wardrobe::dresser::Dresser;
@@ -61,7 +62,7 @@ pub(super) fn run(args: &MatchArgs) -> Result<End, Report> {
         ..match_params(&args.params, args.fields, PICTURE_HEIGHT)?
     };
     let combination = Combination { body: args.body.clone(), garments: args.garments.clone() };
-    let dresser = Dresser::new(&wardrobe, params.align);
+    let dresser = Dresser::new(&wardrobe, AlignParams::default());
     let line = Line::new(&combination.to_string(), 0, 1);
     line.message("aligning");
     let done = run_into_folder(&args.out, &dresser, &combination, &params, args.again, &mut &line);

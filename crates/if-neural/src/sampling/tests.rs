@@ -1,4 +1,7 @@
 use super::*;
+use crate::network::NetworkConfig;
+use crate::target::Target;
+use crate::trainable::TrainableField;
 use if_core::aabb::Aabb;
 use if_core::shapes::{Sphere, Torus, meshes};
 
@@ -142,5 +145,30 @@ fn oriented_points_give_the_distance_near_them_and_the_side_far_away() {
             );
         }
     }
-    assert_eq!(set.held_out.len(), (mesh.vertices().len() - 7).div_ceil(20));
+    assert_eq!(set.held_out.len(), 1000);
+}
+
+#[test]
+fn oriented_points_are_judged_by_those_that_nothing_is_taken_from() {
+    let ring = Torus { center: Point::origin(), major: 0.5, minor: 0.2 };
+    let cloud = |points: Vec<Point>| {
+        let normals = points.iter().map(|p| ring.sample(p).gradient).collect();
+        OrientedPoints::new(points, normals).unwrap()
+    };
+    let all = cloud(meshes::torus(0.5, 0.2, 48, 24).vertices().to_vec());
+    let config = NetworkConfig::grid();
+    let begin = |cloud: &OrientedPoints| Target::Points(cloud).begin(&config, &small()).unwrap();
+    let (set, network) = begin(&all);
+    // Their distances are the torus's, and most are beside it.
+    let (points, distances) = set.held_out.beside();
+    assert!(distances.iter().filter(|d| d.abs() > 2e-3).count() > 500);
+    for (p, d) in points.iter().zip(distances) {
+        approx::assert_abs_diff_eq!(ring.distance(p), *d, epsilon = 1e-9);
+    }
+    // So the error of a network is that against the torus at other points.
+    let error = |set: &TrainingSet| {
+        set.held_out.accuracy(&set.frame, |points, out| network.samples32(points, out)).mean
+    };
+    let truly = error(&TrainingSet::of_field(&ring, &small()).unwrap());
+    assert!((error(&set) / truly - 1.0).abs() < 0.25, "{} {truly}", error(&set));
 }

@@ -11,7 +11,7 @@
 use super::combination::Combination;
 use super::dresser::Dresser;
 use super::error::WardrobeError;
-use super::matching::{finished, is_finished, request, run_into};
+use super::matching::{check, finished, is_finished, request, run_into};
 use super::pages;
 use super::result::{MatchParams, State};
 use super::result_folder::{folder_name, is_result, read_timings};
@@ -79,7 +79,7 @@ pub fn run(
     batch: &BatchParams,
     watch: &(dyn Fn(&Event) -> ControlFlow<()> + Sync),
 ) -> Result<Option<BatchSummary>, WardrobeError> {
-    params.validate()?;
+    check(dresser, params)?;
     let path = out.join(RESULTS);
     let opened = FolderWriter::open(&path)
         .map_err(|source| WardrobeError::Folder { path: path.clone(), source })?;
@@ -239,7 +239,7 @@ pub fn done(
 ) -> Result<usize, WardrobeError> {
     let mut count = 0;
     for combination in combinations {
-        let (key, _) = request(dresser.wardrobe(), combination, params)?;
+        let (key, _) = request(dresser, combination, params)?;
         let is_done = |place: PathBuf| finished(&place.join(folder_name(&key)), &key).is_some();
         count += usize::from(places(out).any(is_done));
     }

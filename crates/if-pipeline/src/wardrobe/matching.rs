@@ -16,16 +16,17 @@ pub use super::result::{
     Fault, MatchParams, MatchRequest, MatchResult, Matched, RequestedGarment, State, Timings,
 };
 
+use super::WardrobeError;
 use super::combination::Combination;
 use super::dresser::{Dressed, Dresser};
 use super::layer_fields;
 use super::result::FORMAT;
 use super::result_folder::{self, folder_name};
-use super::{Wardrobe, WardrobeError};
 use crate::asset::PhiField;
 use crate::build::BUILD;
 use if_core::mesh::TriMesh;
 use if_core::monitor::{Cancelled, Monitor};
+use if_core::parameter::ParameterError;
 use if_mesh::atomic::FolderWriter;
 use if_mesh::file::MeshFile;
 use if_outfit::FieldOfGarment;
@@ -41,16 +42,23 @@ use std::time::Instant;
 /// The views of the pictures.
 const VIEWS: [View; 3] = [View::FRONT, View::BACK, View::HALF];
 
+/// Checks the parameters of matching and of the alignment.
+pub(super) fn check(dresser: &Dresser, params: &MatchParams) -> Result<(), ParameterError> {
+    dresser.params().validate().map_err(|e| e.within("align"))?;
+    params.validate()
+}
+
 /// The key of a combination, and everything that it is the hash of.
 ///
 /// # Errors
 ///
 /// The wardrobe does not have the body or a garment.
 pub(super) fn request(
-    wardrobe: &Wardrobe,
+    dresser: &Dresser,
     combination: &Combination,
     params: &MatchParams,
 ) -> Result<(String, MatchRequest), WardrobeError> {
+    let wardrobe = dresser.wardrobe();
     let body = wardrobe.body_info(&combination.body)?.clone();
     let mut garments = Vec::new();
     for name in &combination.garments {
@@ -68,7 +76,8 @@ pub(super) fn request(
         });
     }
     let (format, build, params) = (FORMAT, BUILD.to_owned(), params.clone());
-    let request = MatchRequest { format, build, params, body, garments };
+    let align = *dresser.params();
+    let request = MatchRequest { format, build, params, align, body, garments };
     Ok((key(&request)?, request))
 }
 
@@ -91,9 +100,9 @@ pub fn run(
     params: &MatchParams,
     monitor: &mut dyn Monitor,
 ) -> Result<Matched, WardrobeError> {
-    params.validate()?;
+    check(dresser, params)?;
     let start = Instant::now();
-    let (key, request) = request(dresser.wardrobe(), combination, params)?;
+    let (key, request) = request(dresser, combination, params)?;
     let mut matched = Matched {
         result: MatchResult {
             result: FORMAT,
@@ -196,7 +205,7 @@ pub(super) fn run_into(
     again: bool,
     monitor: &mut dyn Monitor,
 ) -> Result<(MatchResult, bool), WardrobeError> {
-    let (key, _) = request(dresser.wardrobe(), combination, params)?;
+    let (key, _) = request(dresser, combination, params)?;
     let name = folder_name(&key);
     let mut places = std::iter::once(results.parent()).chain(others);
     if !again && let Some(found) = places.find_map(|place| finished(&place.join(name), &key)) {
@@ -238,8 +247,8 @@ pub fn run_into_folder(
     monitor: &mut dyn Monitor,
 ) -> Result<(MatchResult, Placed), WardrobeError> {
     combination.check()?;
-    params.validate()?;
-    let (key, _) = request(dresser.wardrobe(), combination, params)?;
+    check(dresser, params)?;
+    let (key, _) = request(dresser, combination, params)?;
     if !again && let Some(found) = finished(out, &key) {
         return Ok((found, Placed::Before));
     }

@@ -16,14 +16,12 @@ use std::collections::BTreeMap;
 use std::ops::RangeInclusive;
 
 /// The version of `result.json`.
-pub(super) const FORMAT: u32 = 1;
+pub(super) const FORMAT: u32 = 2;
 
-/// Parameters of matching.
+/// Parameters of matching. Those of the alignment are the [`Dresser`](super::dresser::Dresser)'s.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct MatchParams {
-    /// Alignment of the garments.
-    pub align: AlignParams,
     /// Resolving of the outfit.
     pub resolve: ResolveParams,
     /// What [`Method::Paper`] reads of the garments; with the other method only
@@ -61,7 +59,6 @@ impl MatchParams {
         let stays = self.resolve.goal.pinch == Pinch::Keep;
         let range = "0, `keep`: results are on the wardrobe's body, which stays as it is; `ifg fix --pinch yield` takes files";
         ParameterError::check("resolve.goal.pinch", 1.0, stays, range)?;
-        self.align.validate().map_err(|e| e.within("align"))?;
         self.resolve.validate().map_err(|e| e.within("resolve"))
     }
 }
@@ -69,7 +66,6 @@ impl MatchParams {
 impl Default for MatchParams {
     fn default() -> Self {
         Self {
-            align: AlignParams::default(),
             resolve: ResolveParams::default(),
             fields: Fields::default(),
             meshes: true,
@@ -130,6 +126,8 @@ pub struct MatchRequest {
     pub build: String,
     /// Parameters.
     pub params: MatchParams,
+    /// Those of the alignment of the garments.
+    pub align: AlignParams,
     /// The body.
     pub body: BodyInfo,
     /// The garments, inner to outer.

@@ -1,14 +1,15 @@
 use super::batch::{self, BatchParams};
 use super::combination::{Combination, Order, RandomParams, random};
 use super::dresser::Dresser;
-use super::matching::{MatchParams, State};
+use super::matching::{MatchParams, Placed, State, run_into_folder};
 use super::*;
 use crate::asset::{Beside, LayerHint, Provenance};
-use if_body::align::Method;
+use if_body::align::{AlignParams, Method};
 use if_body::mannequin::{Garment, MannequinParams, body, garment, rig};
 use if_body::{Joint, Skeleton, SkinWeights};
 use if_core::math::Point;
 use if_core::mesh::TriMesh;
+use if_core::monitor::Silent;
 use if_mesh::atomic;
 use if_mesh::ply::{PlyMesh, WriteParams, write_path};
 use if_outfit::Pinch;
@@ -650,6 +651,28 @@ fn a_cancelled_batch_leaves_whole_results_only() {
         .unwrap()
         .unwrap();
     assert_eq!((summary.clean, summary.entries[1].state), (2, State::Clean));
+}
+
+#[test]
+fn another_alignment_is_another_request() {
+    let root = tempfile::tempdir().unwrap();
+    let wardrobe = filled(root.path());
+    let params = MatchParams { picture_height: 0, ..Default::default() };
+    let (out, combination) = (root.path().join("out"), on("slim", &["tshirt"]));
+    let matched = |align: AlignParams| {
+        let dresser = Dresser::new(&wardrobe, align);
+        run_into_folder(&out, &dresser, &combination, &params, false, &mut Silent)
+    };
+    let default = AlignParams::default();
+    let other = AlignParams { neighbours: 8, ..default };
+    let (first, placed) = matched(default).unwrap();
+    assert_eq!((placed, first.request.align), (Placed::Written, default));
+    assert_eq!(matched(default).unwrap().1, Placed::Before);
+    let (second, placed) = matched(other).unwrap();
+    assert_eq!((placed, second.request.align), (Placed::Written, other));
+    assert_ne!(first.key, second.key);
+    let error = matched(AlignParams { growth: -1.0, ..default }).unwrap_err();
+    assert!(matches!(error, WardrobeError::Parameter(e) if e.name == "align.growth"));
 }
 
 #[test]
