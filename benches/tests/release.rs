@@ -105,7 +105,8 @@ fn the_public_items_are_those_on_record() {
     let target = PathBuf::from(metadata["target_directory"].as_str().unwrap());
     let folder = root().join("docs/public-api");
     let mut changed = String::new();
-    let crates = ["core", "sparse", "mesh", "xpbd", "neural", "outfit", "body", "render", "pipeline"];
+    let crates =
+        ["core", "sparse", "mesh", "xpbd", "neural", "outfit", "body", "render", "pipeline"];
     for krate in crates.into_iter().chain(["garments"]) {
         let name = format!("if-{krate}");
         let json = ["--", "-Zunstable-options", "--output-format", "json"];

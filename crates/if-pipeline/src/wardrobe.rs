@@ -11,6 +11,7 @@
 //! resolves one combination into a result folder, [`batch`] many.
 
 pub mod batch;
+mod begun;
 mod body;
 pub mod combination;
 pub mod dresser;

@@ -8,6 +8,7 @@
 //!   summary.csv, report.html    the same with seconds
 //! ```
 
+use super::begun::{self, Begun};
 use super::combination::Combination;
 use super::dresser::Dresser;
 use super::error::WardrobeError;
@@ -86,14 +87,17 @@ pub fn run(
     let results = opened.ok_or(WardrobeError::Busy { path })?;
     collect(out, &results)?;
     let whole = whole_of(out);
+    let order = begun::order(out, combinations);
     let next = AtomicUsize::new(0);
     let cancelled = AtomicBool::new(false);
     let stopped: Mutex<Option<WardrobeError>> = Mutex::new(None);
     let entries: Mutex<Vec<Option<Entry>>> = Mutex::new(vec![None; combinations.len()]);
     let work = || {
         while !cancelled.load(Ordering::SeqCst) {
-            let index = next.fetch_add(1, Ordering::SeqCst);
-            let Some(combination) = combinations.get(index) else { break };
+            let next = next.fetch_add(1, Ordering::SeqCst);
+            let Some(index) = order.get(next).copied() else { break };
+            let combination = &combinations[index];
+            let _begun = Begun::mark(out, combination);
             let mut monitor = |progress: &Progress<'_>| {
                 if cancelled.load(Ordering::SeqCst)
                     || watch(&Event::Working(index, progress)).is_break()

@@ -654,6 +654,30 @@ fn a_cancelled_batch_leaves_whole_results_only() {
 }
 
 #[test]
+fn the_combination_at_which_a_batch_was_killed_comes_last() {
+    let root = tempfile::tempdir().unwrap();
+    let wardrobe = filled(root.path());
+    let dresser = Dresser::new(&wardrobe, Default::default());
+    let list = [on("slim", &["coat"]), on("slim", &["tshirt"])];
+    let params = MatchParams { picture_height: 0, meshes: false, ..Default::default() };
+    let out = root.path().join("out");
+    std::mem::forget(super::begun::Begun::mark(&out, &list[0])); // as a killed process leaves it
+    let done = std::sync::Mutex::new(Vec::new());
+    let watch = |event: &batch::Event| {
+        if let batch::Event::Done(index, ..) = event {
+            done.lock().unwrap().push(*index);
+        }
+        keep_on(event)
+    };
+    let run = || {
+        batch::run(&out, &dresser, &list, &params, &BatchParams::default(), &watch).unwrap();
+        std::mem::take(&mut *done.lock().unwrap())
+    };
+    assert_eq!(run(), [1, 0]);
+    assert_eq!(run(), [0, 1]);
+}
+
+#[test]
 fn another_alignment_is_another_request() {
     let root = tempfile::tempdir().unwrap();
     let wardrobe = filled(root.path());
