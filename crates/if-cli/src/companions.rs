@@ -1,4 +1,4 @@
-//! Material libraries of OBJ files, and textures, which are copied with the layers that are written.
+//! Material libraries of OBJ files, and textures of all formats, which are copied with the layers that are written.
 
 use crate::file_record::{InputFile, OutputFile};
 use crate::outfit_file::{LayerSpec, OutfitSpec};
@@ -203,6 +203,21 @@ fn named_by(
             }
         }
     }
+    if let Content::Ply(ply) = file.content() {
+        for line in ply.comments.iter().filter_map(|comment| texture_file(comment)) {
+            match texture_of(folder, line) {
+                Some(name) => named.push(Named {
+                    source: folder.join(&name),
+                    name: plain(Path::new(&name)),
+                    of: layer.written.clone(),
+                }),
+                None => missing.push(format!(
+                    "{}: the texture `{line}` is not in its folder, and not copied",
+                    layer.written
+                )),
+            }
+        }
+    }
     let Content::Obj(obj) = file.content() else { return Ok(named) };
     for line in obj.material_libraries() {
         let libraries = libraries_of(folder, &line);
@@ -233,6 +248,12 @@ fn named_by(
         }
     }
     Ok(named)
+}
+
+/// What a comment of a PLY file names as a texture, as MeshLab and programs for scans write it.
+fn texture_file(comment: &str) -> Option<&str> {
+    let (word, name) = comment.trim().split_once(char::is_whitespace)?;
+    word.eq_ignore_ascii_case("TextureFile").then(|| name.trim())
 }
 
 /// The files of a `mtllib` line: one whose name holds spaces, or each word.

@@ -192,6 +192,22 @@ fn material_libraries_and_textures_are_copied_along() {
 }
 
 #[test]
+fn textures_that_ply_files_name_are_copied_along() {
+    let folder = Folder::new();
+    let skirt = String::from_utf8(folder.read("skirt.ply")).unwrap();
+    let (magic, rest) = skirt.split_once('\n').unwrap();
+    let comments =
+        "comment TextureFile red cloth.png\ncomment TextureFile gone.png\ncomment by hand";
+    let (format, rest) = rest.split_once('\n').unwrap();
+    folder.write("skirt.ply", format!("{magic}\n{format}\n{comments}\n{rest}"));
+    folder.write("red cloth.png", "not looked at");
+    let run = folder.ifg("fix outfit.toml --out fixed").expect(0);
+    assert_eq!(folder.read("fixed/red cloth.png"), b"not looked at");
+    assert!(run.stdout.contains("skirt.ply: the texture `gone.png` is not"), "{}", run.stdout);
+    assert!(!run.stdout.contains("by hand"));
+}
+
+#[test]
 fn the_receipt_says_what_went_in_and_came_out() {
     let folder = Folder::new();
     let json = folder.ifg("fix outfit.toml --out fixed --clearance 1mm --json").expect(0).json();
