@@ -41,12 +41,7 @@ impl HeldOut {
     /// # Panics
     ///
     /// If the numbers of points and samples differ.
-    pub(crate) fn new(
-        beside: &[Point],
-        at: &[FieldSample],
-        on: &[Point],
-        there: &[FieldSample],
-    ) -> Self {
+    pub fn new(beside: &[Point], at: &[FieldSample], on: &[Point], there: &[FieldSample]) -> Self {
         assert!(beside.len() == at.len() && on.len() == there.len(), "one sample for each point");
         Self {
             beside: beside.to_vec(),

@@ -18,6 +18,7 @@ use if_core::field::SignedDistance;
 use if_core::math::{Point, Real};
 use if_core::mesh::TriMesh;
 use if_core::monitor::Monitor;
+use if_core::parameter::ParameterError;
 use if_mesh::attributes::{Source, VertexAttributes};
 use if_mesh::baked::Baked;
 use if_mesh::cleanup::{
@@ -60,11 +61,11 @@ impl GarmentParams {
     /// # Errors
     ///
     /// The first parameter that is out of range.
-    pub fn validate(&self) -> Result<(), ReconstructError> {
-        self.votes.validate()?;
-        self.smoothness.validate()?;
-        self.cut.validate()?;
-        Ok(self.cleanup.validate()?)
+    pub fn validate(&self) -> Result<(), ParameterError> {
+        self.votes.validate().map_err(|e| e.within("votes"))?;
+        self.smoothness.validate().map_err(|e| e.within("smoothness"))?;
+        self.cut.validate().map_err(|e| e.within("cut"))?;
+        self.cleanup.validate().map_err(|e| e.within("cleanup"))
     }
 }
 

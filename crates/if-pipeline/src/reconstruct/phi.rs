@@ -5,6 +5,7 @@ use super::progress::{control, report};
 use if_core::field::SignedDistance;
 use if_core::math::Real;
 use if_core::monitor::{Monitor, Progress};
+use if_core::parameter::ParameterError;
 use if_neural::Ended;
 use if_neural::field::NeuralField;
 use if_neural::files::{WeightNorm, write_network};
@@ -48,10 +49,9 @@ impl PhiParams {
     /// # Errors
     ///
     /// The first parameter that is out of range.
-    pub fn validate(&self) -> Result<(), ReconstructError> {
-        self.sampling.validate()?;
-        Ok(FitParams { steps: Some(self.steps), seconds: None, ..self.network.fit_params() }
-            .validate()?)
+    pub fn validate(&self) -> Result<(), ParameterError> {
+        self.sampling.validate().map_err(|e| e.within("sampling"))?;
+        FitParams { steps: Some(self.steps), seconds: None, ..self.network.fit_params() }.validate()
     }
 }
 

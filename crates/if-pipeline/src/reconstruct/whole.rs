@@ -80,17 +80,22 @@ impl ReconstructParams {
     /// # Errors
     ///
     /// The first parameter that is out of range.
-    pub fn validate(&self) -> Result<(), ReconstructError> {
+    pub fn validate(&self) -> Result<(), ParameterError> {
         let in_range = (5e-4..=0.1).contains(&self.cell);
         ParameterError::check("cell", self.cell, in_range, "from 0.0005 to 0.1 m")?;
-        self.surface.validate()?;
-        self.poses.as_ref().map_or(Ok(()), PoseParams::validate)?;
-        self.fields.as_ref().map_or(Ok(()), FieldsParams::validate)?;
-        self.motion.as_ref().map_or(Ok(()), MotionParams::validate)?;
-        self.motion_network.as_ref().map_or(Ok(()), MotionNetworkParams::validate)?;
-        self.bake.as_ref().map_or(Ok(()), BakeParams::validate).map_err(|e| e.within("bake"))?;
-        self.phi.as_ref().map_or(Ok(()), PhiParams::validate)?;
-        self.garments.validate()
+        let group = |name: &'static str| move |e: ParameterError| e.within(name);
+        self.surface.validate().map_err(group("surface"))?;
+        let poses = self.poses.as_ref().map_or(Ok(()), PoseParams::validate);
+        poses.map_err(group("poses"))?;
+        let fields = self.fields.as_ref().map_or(Ok(()), FieldsParams::validate);
+        fields.map_err(group("fields"))?;
+        let motion = self.motion.as_ref().map_or(Ok(()), MotionParams::validate);
+        motion.map_err(group("motion"))?;
+        let network = self.motion_network.as_ref().map_or(Ok(()), MotionNetworkParams::validate);
+        network.map_err(group("motion_network"))?;
+        self.bake.as_ref().map_or(Ok(()), BakeParams::validate).map_err(group("bake"))?;
+        self.phi.as_ref().map_or(Ok(()), PhiParams::validate).map_err(group("phi"))?;
+        self.garments.validate().map_err(group("garments"))
     }
 }
 
@@ -445,51 +450,38 @@ mod tests {
             ..Default::default()
         };
         assert!(good.validate().is_ok());
-        let spoiled = |spoil: &dyn Fn(&mut ReconstructParams)| {
-            let mut params = good.clone();
-            spoil(&mut params);
-            params.validate().unwrap_err()
-        };
-        assert!(
-            matches!(spoiled(&|p| p.cell = Real::NAN), ReconstructError::Parameter(e) if e.name == "cell")
-        );
-        assert!(
-            matches!(spoiled(&|p| p.surface.bending = 0.0), ReconstructError::Parameter(e) if e.name == "bending")
-        );
         let motion = MotionParams { stay: -1.0, ..Default::default() };
-        assert!(
-            matches!(spoiled(&|p| p.motion = Some(motion.clone())), ReconstructError::Parameter(e) if e.name == "stay")
-        );
         let rate = |p: &mut ReconstructParams| {
             p.motion_network.as_mut().unwrap().fit.schedule.rate = Real::NAN
         };
-        assert!(matches!(spoiled(&rate), ReconstructError::Parameter(_)));
         // Before, only after all else was done.
         let wide = |p: &mut ReconstructParams| {
             p.motion_network.as_mut().unwrap().network.width = 1 << 20;
         };
-        assert!(matches!(spoiled(&wide), ReconstructError::Parameter(e) if e.name == "width"));
-        assert!(matches!(
-            spoiled(&|p| p.bake = Some(BakeParams { cell: 0.0, ..Default::default() })),
-            ReconstructError::Bake(_) | ReconstructError::Parameter(_)
-        ));
+        let bake = BakeParams { cell: 0.0, ..Default::default() };
         let sampling = SamplingParams { near: 0, ..Default::default() };
         let phi = |p: &mut ReconstructParams| p.phi.get_or_insert_default().sampling = sampling;
-        assert!(matches!(spoiled(&phi), ReconstructError::Parameter(_)));
-        assert!(matches!(
-            spoiled(&|p| p.garments.votes.enough = 0.0),
-            ReconstructError::Parameter(_)
-        ));
-        assert!(matches!(
-            spoiled(&|p| p.garments.smoothness.length = -1.0),
-            ReconstructError::Parameter(_)
-        ));
-        let cut = |p: &mut ReconstructParams| p.garments.cut = CutParams { least: 0.9 };
-        assert!(matches!(spoiled(&cut), ReconstructError::Parameter(_)));
         let fill = FillParams { exact_up_to: usize::MAX, ..Default::default() };
-        let cleanup = |p: &mut ReconstructParams| {
-            p.garments.cleanup = CleanupParams { fill: Some(fill), ..Default::default() }
-        };
-        assert!(matches!(spoiled(&cleanup), ReconstructError::Parameter(_)));
+        let cleanup = CleanupParams { fill: Some(fill), ..Default::default() };
+        let rays = FieldsParams { rays: 0, ..Default::default() };
+        type Spoil<'a> = &'a dyn Fn(&mut ReconstructParams);
+        let spoilt: [(&str, Spoil<'_>); 11] = [
+            ("cell", &|p| p.cell = Real::NAN),
+            ("surface.bending", &|p| p.surface.bending = 0.0),
+            ("fields.rays", &|p| p.fields = Some(rays.clone())),
+            ("motion.stay", &|p| p.motion = Some(motion.clone())),
+            ("motion_network.schedule.rate", &rate),
+            ("motion_network.width", &wide),
+            ("bake.cell", &|p| p.bake = Some(bake)),
+            ("phi.sampling.near", &phi),
+            ("garments.votes.enough", &|p| p.garments.votes.enough = 0.0),
+            ("garments.cut.least", &|p| p.garments.cut = CutParams { least: 0.9 }),
+            ("garments.cleanup.fill.exact_up_to", &|p| p.garments.cleanup = cleanup.clone()),
+        ];
+        for (name, spoil) in spoilt {
+            let mut params = good.clone();
+            spoil(&mut params);
+            assert_eq!(params.validate().unwrap_err().name, name);
+        }
     }
 }

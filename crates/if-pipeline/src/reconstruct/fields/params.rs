@@ -1,6 +1,5 @@
 //! Parameters of the training of φ and d.
 
-use crate::reconstruct::error::ReconstructError;
 use crate::reconstruct::phi::{PhiParams, TABLE};
 use if_core::math::Real;
 use if_core::parameter::ParameterError;
@@ -156,8 +155,8 @@ impl FieldsParams {
     /// # Errors
     ///
     /// The first parameter that is out of range.
-    pub fn validate(&self) -> Result<(), ReconstructError> {
-        self.phi.validate()?;
+    pub fn validate(&self) -> Result<(), ParameterError> {
+        self.phi.validate().map_err(|e| e.within("phi"))?;
         for (name, count) in [
             ("rays", self.rays),
             ("silhouettes", self.silhouettes),
@@ -190,6 +189,6 @@ impl FieldsParams {
         ParameterError::check_positive("reach", w.reach).map_err(|e| e.within("weights"))?;
         self.phi_rate.validate().map_err(|e| e.within("phi_rate"))?;
         self.deformation_rate.validate().map_err(|e| e.within("deformation_rate"))?;
-        Ok(self.deformation_adam.validate().map_err(|e| e.within("deformation_adam"))?)
+        self.deformation_adam.validate().map_err(|e| e.within("deformation_adam"))
     }
 }
