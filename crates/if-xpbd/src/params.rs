@@ -1,6 +1,7 @@
 //! The solver's parameters, with the corrected and the literal preset.
 
 use crate::collision::Push;
+use crate::constraint::check_contact;
 use if_core::math::Real;
 use if_core::number_or_infinite;
 use if_core::parameter::ParameterError;
@@ -209,18 +210,12 @@ impl SolverParams {
             not_negative(self.stop_below),
             "finite and at least 0 (metres)",
         )?;
-        check("friction", self.friction, not_negative(self.friction), "finite and at least 0")?;
+        check_contact(self.friction, self.max_push)?;
         check(
             "clearance",
             self.clearance,
             not_negative(self.clearance),
             "finite and at least 0 (metres)",
-        )?;
-        check(
-            "max_push",
-            self.max_push,
-            self.max_push > 0.0,
-            "positive (metres; infinity for no limit)",
         )?;
         check("retries", self.retries.into(), self.retries <= 10, "at most 10 (each halves h)")?;
         check(
