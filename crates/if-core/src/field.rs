@@ -22,6 +22,10 @@ const CHUNK: usize = 256;
 /// The batched calls are provided; they run over fixed chunks in rayon's ambient pool and give the
 /// same bits for any number of threads. Implementors with a cheaper batch override them;
 /// `if_core::conformance` checks that the two agree.
+///
+/// Coordinates of points must be finite: callers check them once, and not every field at every query.
+/// At other points results are unspecified (NaN, +∞, or the end of a band), and implementors may
+/// `debug_assert!` that there are none.
 pub trait SignedDistance: Sync {
     /// φ(p).
     fn distance(&self, p: &Point) -> Real;
