@@ -44,6 +44,7 @@ pub enum Push {
 ///
 /// Algorithm 1, lines 6 to 10. Line 8 is exact only where |∇φ| = 1; beyond, it throws a vertex out by |∇φ|² − 1
 /// times its depth: [`Push::Corrected`] divides. Friction after [Macklin et al. 2014], section 6.1.
+#[derive(Clone)]
 pub struct SdfCollision<'a> {
     field: &'a dyn SignedDistance,
     vertices: Vec<[u32; 3]>,
