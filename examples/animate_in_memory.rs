@@ -26,7 +26,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
 
     // The first four frames of a step. The folder keeps frames, so that a run that was stopped goes on.
     let poses = (0..4).map(|frame| rig::walking_pose(frame, 24)).collect();
-    let motion = Motion::new(24.0, poses);
+    let motion = Motion::new(24.0, poses)?;
     let folder = tempfile::tempdir()?;
     let done = animate(&skinned, &motion, &AnimateParams::default(), folder.path(), &mut Silent)?;
     for row in &done.report.frames {

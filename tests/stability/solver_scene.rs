@@ -316,7 +316,7 @@ impl Scene {
         groups.push(Box::new(attached));
         let mut ties = Ties::new();
         self.ties.iter().for_each(|(v, t, share)| {
-            ties.push(*v, *t, [0.2, 0.3, 0.5], *share, self.rest.vertices())
+            ties.push(*v, *t, [0.2, 0.3, 0.5], *share, self.rest.vertices()).unwrap()
         });
         groups.push(Box::new(ties));
         if let Some((field, push, between)) = &self.field {

@@ -121,8 +121,23 @@ const MISSING: &str = "none";
 
 impl Motion {
     /// Poses of all joints, made by a program.
-    pub fn new(frames_per_second: Real, poses: Vec<Pose>) -> Self {
-        Self { frames_per_second, poses, unmatched: Vec::new(), rest_frame: None }
+    ///
+    /// # Errors
+    ///
+    /// [`MotionError::Empty`] or [`MotionError::Rate`].
+    pub fn new(frames_per_second: Real, poses: Vec<Pose>) -> Result<Self, MotionError> {
+        Self::check_frames(frames_per_second, &poses)?;
+        Ok(Self { frames_per_second, poses, unmatched: Vec::new(), rest_frame: None })
+    }
+
+    fn check_frames(frames_per_second: Real, poses: &[Pose]) -> Result<(), MotionError> {
+        if poses.is_empty() {
+            return Err(MotionError::Empty);
+        }
+        if !is_rate(frames_per_second) {
+            return Err(MotionError::Rate(frames_per_second));
+        }
+        Ok(())
     }
 
     /// Reads a pose sequence (docs/animate.md) for a skeleton: `joints`, the names of the skeleton's
@@ -164,19 +179,13 @@ impl Motion {
         let file = Bvh::read(text)?;
         let frames_per_second = 1.0 / file.frame_time;
         let Retargeted { poses, unmatched, rest_frame } = retarget(file, skeleton)?;
-        if poses.is_empty() {
-            return Err(MotionError::Empty);
-        }
-        if !is_rate(frames_per_second) {
-            return Err(MotionError::Rate(frames_per_second));
-        }
         let pose = |(frame, (translation, turns)): (usize, (Vector, Vec<UnitQuaternion<Real>>))| {
             let pose = Pose { root_translation: translation, rotations: turns };
             Pose::from_quaternions(translation, &pose.quaternions())
                 .map_err(|source| MotionError::Pose { frame, source })
         };
         let poses = poses.into_iter().enumerate().map(pose).collect::<Result<_, _>>()?;
-        Ok(Self { frames_per_second, poses, unmatched, rest_frame })
+        Ok(Self { unmatched, rest_frame, ..Self::new(frames_per_second, poses)? })
     }
 
     fn from_json(text: &str, skeleton: &Skeleton) -> Result<Self, MotionError> {
@@ -190,12 +199,6 @@ impl Motion {
                 return Err(MotionError::Joint { index, found, expected });
             }
         }
-        if file.frames.is_empty() {
-            return Err(MotionError::Empty);
-        }
-        if !is_rate(file.fps) {
-            return Err(MotionError::Rate(file.fps));
-        }
         let pose = |(frame, f): (usize, &Frame)| {
             let fault = |source| MotionError::Pose { frame, source };
             if f.rot.len() != names.len() {
@@ -205,15 +208,17 @@ impl Motion {
             Pose::from_quaternions(Vector::from(f.root_t), &f.rot).map_err(fault)
         };
         let poses = file.frames.iter().enumerate().map(pose).collect::<Result<_, _>>()?;
-        Ok(Self::new(file.fps, poses))
+        Self::new(file.fps, poses)
     }
 
     /// Writes what [`Motion::read`] reads.
     ///
     /// # Errors
     ///
-    /// Errors of the writer.
+    /// Errors of the writer, and what [`Motion::read`] would refuse: a rate out of range, or a pose that
+    /// is invalid or of another skeleton. Nothing is written then.
     pub fn write(&self, mut writer: impl io::Write, skeleton: &Skeleton) -> io::Result<()> {
+        self.check(skeleton).map_err(|e| io::Error::new(io::ErrorKind::InvalidData, e))?;
         let frame =
             |pose: &Pose| Frame { root_t: pose.root_translation.into(), rot: pose.quaternions() };
         let file = File {
@@ -223,6 +228,20 @@ impl Motion {
         };
         serde_json::to_writer(&mut writer, &file)?;
         writer.write_all(b"\n")
+    }
+
+    fn check(&self, skeleton: &Skeleton) -> Result<(), MotionError> {
+        Self::check_frames(self.frames_per_second, &self.poses)?;
+        for (frame, pose) in self.poses.iter().enumerate() {
+            let (got, expected) = (pose.rotations.len(), skeleton.len());
+            let checked = if got == expected {
+                Pose::from_quaternions(pose.root_translation, &pose.quaternions()).map(|_| ())
+            } else {
+                Err(PoseError::Count { got, expected })
+            };
+            checked.map_err(|source| MotionError::Pose { frame, source })?;
+        }
+        Ok(())
     }
 
     /// Reads the file at `path`, as BVH if its extension says so.

@@ -42,7 +42,12 @@ impl Pose {
     }
 
     /// The largest angle by which a joint turns from this pose to `other`, in radians.
+    ///
+    /// # Panics
+    ///
+    /// If the poses have different numbers of joints.
     pub fn largest_turn(&self, other: &Self) -> Real {
+        assert_eq!(self.rotations.len(), other.rotations.len(), "poses of one skeleton");
         let angles = self.rotations.iter().zip(&other.rotations).map(|(a, b)| a.angle_to(b));
         angles.fold(0.0, Real::max)
     }
@@ -154,6 +159,12 @@ mod tests {
             let error = Pose::from_quaternions(Vector::new(0.0, far, 0.0), &[]);
             assert!(matches!(error, Err(PoseError::Translation(_))), "{far}");
         }
+    }
+
+    #[test]
+    #[should_panic(expected = "poses of one skeleton")]
+    fn poses_of_two_skeletons_have_no_turn() {
+        Pose::rest(3).largest_turn(&Pose::rest(2));
     }
 
     #[test]

@@ -209,6 +209,10 @@ impl BodySequence {
     /// # Errors
     ///
     /// A file that was changed since the folder was opened.
+    ///
+    /// # Panics
+    ///
+    /// If there is no such frame.
     pub fn positions(&self, frame: usize) -> Result<Vec<Point>, SequenceError> {
         match &self.frames[frame] {
             Frame::Positions(positions) => Ok(positions.to_vec()),

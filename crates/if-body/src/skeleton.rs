@@ -161,9 +161,10 @@ impl Skeleton {
     pub fn from_gltf(joints: &[SkinJoint]) -> Result<Self, SkeletonError> {
         let mut below = vec![(0.0, Vector::zeros()); joints.len()];
         for joint in joints {
-            if let Some(p) = joint.parent {
-                below[p].0 += 1.0;
-                below[p].1 += joint.place.coords;
+            // `new` refuses a parent that does not exist.
+            if let Some((count, sum)) = joint.parent.and_then(|p| below.get_mut(p)) {
+                *count += 1.0;
+                *sum += joint.place.coords;
             }
         }
         let joint = |(joint, (count, sum)): (&SkinJoint, (Real, Vector))| Joint {
@@ -326,6 +327,8 @@ mod tests {
         let fault = Skeleton::from_gltf(&joints).unwrap_err();
         assert!(matches!(fault, SkeletonError::SameName { first: 1, second: 2, .. }), "{fault}");
         assert!(matches!(Skeleton::from_gltf(&[]), Err(SkeletonError::Empty)));
+        let fault = Skeleton::from_gltf(&[joint("l", Some(9), [0.0; 3])]).unwrap_err();
+        assert!(matches!(fault, SkeletonError::Parent { index: 0, parent: 9, .. }), "{fault}");
     }
 
     fn arm() -> Skeleton {

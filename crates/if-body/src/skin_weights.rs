@@ -150,7 +150,7 @@ impl SkinWeights {
     ///
     /// # Errors
     ///
-    /// A joint that the skeleton does not have, and as [`SkinWeights::new`].
+    /// A joint that the file or the skeleton does not have, and as [`SkinWeights::new`].
     pub fn from_gltf<'a>(
         influences: &Influences,
         names: impl Iterator<Item = &'a str>,
@@ -167,7 +167,9 @@ impl SkinWeights {
             let sum: f64 = largest.iter().map(|(_, weight)| weight).sum();
             for (slot, (joint, weight)) in largest.into_iter().enumerate() {
                 let name = || influences.joints[joint].clone();
-                let found = of_joint[joint];
+                let count = of_joint.len();
+                let beyond = SkinError::Joint { vertex, joint: joint as i64, count };
+                let found = of_joint.get(joint).ok_or(beyond)?;
                 let found =
                     found.ok_or_else(|| SkinError::UnknownJoint { vertex, name: name() })?;
                 joints[vertex][slot] = found as u16;
@@ -363,6 +365,8 @@ mod tests {
         let tail = of(&["hip", "tail"], vec![vec![(0, 1.0)], vec![(1, 1.0)]]);
         assert_eq!(tail, Err(SkinError::UnknownJoint { vertex: 1, name: "tail".into() }));
         assert!(matches!(of(&["hip"], vec![vec![]]), Err(SkinError::Sum { vertex: 0, .. })));
+        let beyond = of(&["hip"], vec![vec![(5, 1.0)]]);
+        assert_eq!(beyond, Err(SkinError::Joint { vertex: 0, joint: 5, count: 1 }));
     }
 
     #[test]

@@ -93,6 +93,7 @@ impl BodySurface {
     ///
     /// If there is not one position or turn for each vertex.
     pub fn maps(&self, positions: &[Point], turns: &[UnitQuaternion<Real>]) -> Vec<Affine> {
+        assert_eq!(positions.len(), self.rest.vertices().len(), "one position for each vertex");
         assert_eq!(positions.len(), turns.len(), "one turn for each position");
         let places = self.rest.vertices().iter().zip(positions);
         let map = |((rest, to), turn): ((&Point, &Point), &UnitQuaternion<Real>)| {
@@ -181,6 +182,13 @@ mod tests {
     use crate::mannequin::{self, MannequinParams, rig};
     use crate::skinning::{blends, pose_points};
     use std::f64::consts::FRAC_PI_2;
+
+    #[test]
+    #[should_panic(expected = "one position for each vertex")]
+    fn maps_of_a_part_of_the_body_are_refused() {
+        let body = BodySurface::new(if_core::shapes::meshes::icosphere(1.0, 1)).unwrap();
+        body.maps(&[Point::origin(); 5], &[UnitQuaternion::identity(); 5]);
+    }
 
     #[test]
     fn limbs_go_in_arcs_and_the_whole_is_found() {

@@ -145,7 +145,7 @@ fn write_scene(args: &DemoArgs) -> Result<PathBuf, Report> {
     if args.motion {
         let skeleton = rig::skeleton();
         let poses = (0..FRAMES).map(|k| rig::walking_pose(k, FRAMES)).collect();
-        let motion = Motion::new(FRAMES as f64, poses);
+        let motion = Motion::new(FRAMES as f64, poses).into_diagnostic()?;
         let (mut joints, mut poses) = (Vec::new(), Vec::new());
         skeleton.write(&mut joints).into_diagnostic()?;
         motion.write(&mut poses, &skeleton).into_diagnostic()?;

@@ -22,6 +22,10 @@ const CHUNK: usize = 256;
 /// The batched calls are provided; they run over fixed chunks in rayon's ambient pool and give the
 /// same bits for any number of threads. Implementors with a cheaper batch override them;
 /// `if_core::conformance` checks that the two agree.
+///
+/// Coordinates of points must be finite: callers check them once, and not every field at every query.
+/// At other points results are unspecified (NaN, +∞, or the end of a band), and implementors may
+/// `debug_assert!` that there are none.
 pub trait SignedDistance: Sync {
     /// φ(p).
     fn distance(&self, p: &Point) -> Real;
@@ -65,15 +69,16 @@ pub trait SignedDistance: Sync {
     fn bounds(&self) -> Option<Aabb>;
 
     /// A bound on |∇φ|: a point at distance φ may move φ / `lipschitz()` before its sign can
-    /// change.
+    /// change. It must be positive, or +∞ if unknown.
     fn lipschitz(&self) -> Real;
 
     /// How far `p` may move, in metres, before φ can be below `clearance`, where φ(p) is
-    /// `distance`: (φ − clearance) / `lipschitz()`. At most 0 if that is unknown. Callers need not
-    /// evaluate φ again on the way.
+    /// `distance`: (φ − clearance) / `lipschitz()`. At most 0 if that is unknown, as it is unless
+    /// `lipschitz()` is positive and finite. Callers need not evaluate φ again on the way.
     fn free_radius(&self, _p: &Point, distance: Real, clearance: Real) -> Real {
-        let radius = (distance - clearance) / self.lipschitz();
-        if radius.is_finite() { radius } else { 0.0 }
+        let lipschitz = self.lipschitz();
+        let radius = (distance - clearance) / lipschitz;
+        if lipschitz > 0.0 && radius.is_finite() { radius } else { 0.0 }
     }
 }
 
@@ -86,3 +91,37 @@ through_pointers!(SignedDistance {
     fn lipschitz(&self) -> Real;
     fn free_radius(&self, p: &Point, distance: Real, clearance: Real) -> Real;
 });
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A field of distance −1 everywhere, with the given bound of its gradient.
+    struct Bounded(Real);
+
+    impl SignedDistance for Bounded {
+        fn distance(&self, _: &Point) -> Real {
+            -1.0
+        }
+        fn sample(&self, _: &Point) -> FieldSample {
+            FieldSample { distance: -1.0, gradient: Vector::x() }
+        }
+        fn bounds(&self) -> Option<Aabb> {
+            None
+        }
+        fn lipschitz(&self) -> Real {
+            self.0
+        }
+    }
+
+    #[test]
+    fn an_invalid_lipschitz_bound_frees_no_point() {
+        for bound in [-1.0, -0.0, 0.0, Real::NAN, Real::NEG_INFINITY, Real::INFINITY] {
+            for distance in [-1.0, 0.0, 1.0, Real::NAN, Real::INFINITY] {
+                let radius = Bounded(bound).free_radius(&Point::origin(), distance, 0.1);
+                assert!(radius <= 0.0, "bound {bound}, distance {distance}: {radius}");
+            }
+        }
+        assert_eq!(Bounded(2.0).free_radius(&Point::origin(), 1.1, 0.1), 0.5);
+    }
+}

@@ -39,15 +39,19 @@ pub struct VertexAttributes {
 
 /// Properties that do not belong to the mesh.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-#[error(
-    "property `{name}` has {records} records for {vertices} vertices; leave it out, or give one for each vertex"
-)]
 #[non_exhaustive]
-#[allow(missing_docs)] // the message explains the fields
-pub struct AttributeError {
-    pub name: String,
-    pub records: usize,
-    pub vertices: usize,
+#[allow(missing_docs)] // the messages explain the fields
+pub enum AttributeError {
+    /// Not one record for each vertex.
+    #[error(
+        "property `{name}` has {records} records for {vertices} vertices; leave it out, or give one for each vertex"
+    )]
+    Count { name: String, records: usize, vertices: usize },
+    /// The lists of a property do not divide its values.
+    #[error(
+        "the lists of property `{name}` do not divide its {values} values; they must ascend from 0 to that number"
+    )]
+    Lists { name: String, values: usize },
 }
 
 impl VertexAttributes {
@@ -65,10 +69,15 @@ impl VertexAttributes {
     ///
     /// # Errors
     ///
-    /// A property whose number of records is not the number of vertices.
+    /// A property whose number of records is not the number of vertices, or whose lists do not divide
+    /// its values.
     pub fn new(vertices: usize, properties: Vec<Property>) -> Result<Self, AttributeError> {
         if let Some(p) = properties.iter().find(|p| p.records() != vertices) {
-            return Err(AttributeError { name: p.name.clone(), records: p.records(), vertices });
+            let (name, records) = (p.name.clone(), p.records());
+            return Err(AttributeError::Count { name, records, vertices });
+        }
+        if let Some(p) = properties.iter().find(|p| !p.lists_divide_values()) {
+            return Err(AttributeError::Lists { name: p.name.clone(), values: p.values.len() });
         }
         let rules = rule::rules(&properties);
         Ok(Self { vertices, properties, rules })
@@ -383,7 +392,13 @@ mod tests {
     fn properties_of_another_length_are_rejected() {
         let short = vec![Property::new("label", Column::U8(vec![1]))];
         let error = VertexAttributes::new(2, short).unwrap_err();
-        assert_eq!(error, AttributeError { name: "label".into(), records: 1, vertices: 2 });
+        assert_eq!(error, AttributeError::Count { name: "label".into(), records: 1, vertices: 2 });
+        for lists in [vec![0, 1, 9], vec![0, 3, 1], vec![1, 2, 3], vec![0, 1, 2]] {
+            let property =
+                Property { lists: Some(lists), ..Property::new("ids", Column::U8(vec![7; 3])) };
+            let error = VertexAttributes::new(2, vec![property]).unwrap_err();
+            assert_eq!(error, AttributeError::Lists { name: "ids".into(), values: 3 });
+        }
         assert_eq!(VertexAttributes::none(0).derive(&[]).vertices(), 0);
     }
 }

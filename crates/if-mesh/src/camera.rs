@@ -78,6 +78,18 @@ pub enum CameraError {
         /// The angle, in radians.
         angle: Real,
     },
+    /// The view has no direction, or no upper edge.
+    #[error(
+        "a view from {eye:?} to {target:?} with {up:?} up spans no frame; choose an up direction across the view, and a target away from the eye"
+    )]
+    View {
+        /// Position of the camera.
+        eye: Point,
+        /// Where it looks.
+        target: Point,
+        /// The direction up.
+        up: Vector,
+    },
     /// R is not a rotation.
     #[error(
         "R is no rotation: R Rᵀ differs from the identity by {error:.2e} (at most {ORTHOGONAL:e}) and its determinant is {determinant:.6}"
@@ -168,6 +180,9 @@ impl Camera {
         }
         let forward = if_core::math::unit_or_zero(&(target - eye));
         let right = if_core::math::unit_or_zero(&forward.cross(up));
+        if right == Vector::zeros() {
+            return Err(CameraError::View { eye: *eye, target: *target, up: *up });
+        }
         let rotation = Matrix3::from_rows(&[
             right.transpose(),
             forward.cross(&right).transpose(),
@@ -225,13 +240,17 @@ impl Camera {
         Self { rotation, translation, ..self.clone() }
     }
 
-    /// The camera with other focal lengths.
-    pub fn zoomed(&self, by: Real) -> Self {
+    /// The camera with focal lengths `by` times as long.
+    ///
+    /// # Errors
+    ///
+    /// They are then not positive and finite.
+    pub fn zoomed(&self, by: Real) -> Result<Self, CameraError> {
         let mut intrinsics = self.intrinsics;
         for k in 0..2 {
             intrinsics[(k, k)] *= by;
         }
-        Self { intrinsics, ..self.clone() }
+        Self::new(self.width, self.height, intrinsics, self.rotation, self.translation)
     }
 
     /// A point of the world in the camera's frame.
@@ -338,7 +357,10 @@ mod tests {
         approx::assert_relative_eq!(a.coords * 0.5, b.coords, epsilon = 1e-12);
         for factor in [0.0, -1.0, Real::NAN, Real::INFINITY] {
             assert!(camera.scaled(factor).is_err(), "{factor}");
+            assert!(camera.zoomed(factor).is_err(), "{factor}");
         }
+        assert_eq!(camera.zoomed(1.0), Ok(camera.clone()));
+        assert_eq!(camera.zoomed(2.0).unwrap().intrinsics()[(1, 1)], 820.0);
     }
 
     #[test]
@@ -363,7 +385,10 @@ mod tests {
         let up = Vector::z();
         let flat =
             Camera::looking_at((8, 8), &Point::origin(), &Point::new(0.0, 0.0, 1.0), &up, 0.5);
-        assert!(matches!(flat, Err(CameraError::Rotation { .. })), "{flat:?}");
+        assert!(matches!(flat, Err(CameraError::View { .. })), "{flat:?}");
+        let at_eye =
+            Camera::looking_at((8, 8), &Point::origin(), &Point::origin(), &Vector::y(), 0.5);
+        assert!(matches!(at_eye, Err(CameraError::View { .. })), "{at_eye:?}");
         let seen = |angle| {
             Camera::looking_at(
                 (8, 8),

@@ -100,8 +100,12 @@ impl Bvh {
     ///
     /// # Panics
     ///
-    /// If there are fewer positions than the mesh had vertices.
+    /// If there are fewer positions than the mesh had vertices, or one is not finite: boxes leave NaN
+    /// out, so that pairs of its triangles would be lost.
     pub fn refit(&mut self, positions: &[Point]) {
+        // Without branches: a pass over the positions takes a hundredth of the refit.
+        let finite = positions.iter().flat_map(|p| p.iter()).fold(true, |ok, x| ok & x.is_finite());
+        assert!(finite, "all positions must be finite; check them before a refit");
         if !self.is_empty() {
             refit(positions, &self.indices, &mut self.corners, &mut self.nodes);
         }

@@ -46,6 +46,10 @@ pub fn pairs_between(meshes: &[Bvh]) -> Vec<([usize; 2], Vec<TrianglePair>)> {
 /// skipped.
 ///
 /// `tree` must hold the current positions.
+///
+/// # Panics
+///
+/// If `tree` is of a mesh with another number of triangles.
 pub fn own_pairs(mesh: &TriMesh, tree: &Bvh) -> Vec<TrianglePair> {
     own_pairs_with(mesh, tree, &Fans::new(mesh))
 }
@@ -54,7 +58,7 @@ pub fn own_pairs(mesh: &TriMesh, tree: &Bvh) -> Vec<TrianglePair> {
 ///
 /// # Panics
 ///
-/// If `fans` are of a mesh with fewer vertices.
+/// If `fans` are of a mesh with fewer vertices, or `tree` is of one with another number of triangles.
 pub fn own_pairs_with(mesh: &TriMesh, tree: &Bvh, fans: &Fans) -> Vec<TrianglePair> {
     own_pairs_searched(mesh, tree, fans, |_| true)
 }
@@ -65,6 +69,8 @@ fn own_pairs_searched(
     fans: &Fans,
     is_searched: impl Fn(u32) -> bool,
 ) -> Vec<TrianglePair> {
+    let (held, given) = (tree.len(), mesh.triangles().len());
+    assert_eq!(held, given, "the tree must be of the mesh: it has another number of triangles");
     let (flat, triangles) = (fans.flat(mesh, &is_searched), mesh.triangles());
     let mut found = tree.own_near_pairs(is_searched, |i, ti, j, tj| {
         if flat.part(triangles[i as usize], triangles[j as usize]) {
@@ -113,7 +119,7 @@ pub fn pairs_after_motion(
 ///
 /// # Panics
 ///
-/// If `fans`, `moved` or `before` are of a mesh with other triangles.
+/// If `tree`, `fans`, `moved` or `before` are of a mesh with other triangles.
 pub fn own_pairs_after_motion(
     mesh: &TriMesh,
     tree: &Bvh,
@@ -217,6 +223,13 @@ mod tests {
             }
         }
         TriMesh::new(v, t).unwrap()
+    }
+
+    #[test]
+    #[should_panic(expected = "the tree must be of the mesh")]
+    fn the_tree_of_a_mesh_with_more_triangles_is_refused() {
+        let [small, large] = [1, 2].map(|n| grid(n, |x, y| Point::new(x, y, 0.0)));
+        own_pairs(&small, &Bvh::new(&large));
     }
 
     #[test]

@@ -37,7 +37,10 @@ impl ElasticGroups {
         for f in facing_sheets(mesh, tree, params.fold_distance) {
             let share = 0.7 * (1.0 - 0.7 * f.distance / params.fold_distance);
             let corners = mesh.triangles()[f.triangle as usize];
-            groups.ties.push(f.vertex, corners, f.barycentric, share, mesh.vertices());
+            groups
+                .ties
+                .push(f.vertex, corners, f.barycentric, share, mesh.vertices())
+                .expect("a vertex and a triangle of the mesh, and a share from 0.21 to 0.7");
         }
         groups
     }

@@ -55,6 +55,9 @@ impl Storage {
     /// assert_eq!((b - a) as f32 + a as f32, b as f32);
     /// ```
     pub fn with_exact_differences(low: &Point, high: &Point) -> Self {
+        if !low.iter().chain(high.iter()).all(|x| x.is_finite()) {
+            return Self::F32;
+        }
         let largest = low.coords.abs().max().max(high.coords.abs().max()).max((high - low).max());
         let bits = (i8::MIN..=i8::MAX).rev().find(|bits| largest <= STEPS * step(*bits));
         bits.map_or(Self::F32, |bits| Self::Fixed { bits })
@@ -109,6 +112,16 @@ fn step(bits: i8) -> Real {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn bounds_that_are_not_finite_fix_no_digits() {
+        for bad in [Real::NAN, Real::INFINITY, Real::NEG_INFINITY] {
+            let [fine, bad] = [0.5, bad].map(|x| Point::new(0.0, x, 1.0));
+            for (low, high) in [(fine, bad), (bad, fine), (bad, bad)] {
+                assert_eq!(Storage::with_exact_differences(&low, &high), Storage::F32);
+            }
+        }
+    }
 
     #[test]
     fn differences_in_bounds_are_exact_in_single_precision_and_half_a_step_is_lost() {

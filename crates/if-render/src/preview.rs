@@ -9,12 +9,20 @@ use if_core::mesh::TriMesh;
 
 /// Draws the layers of an outfit, body first, in different colours, and triangles that intersect
 /// another layer in red. `size` is the width and height of one view, in pixels.
+///
+/// # Panics
+///
+/// If the picture would have more than 2²⁶ pixels.
 pub fn preview(layers: &[&TriMesh], views: &[View], size: [u32; 2]) -> Image {
     Intersections::between(layers).preview(views, size)
 }
 
 impl Intersections<'_> {
     /// As [`preview`], with what has been found.
+    ///
+    /// # Panics
+    ///
+    /// As [`preview`].
     pub fn preview(&self, views: &[View], size: [u32; 2]) -> Image {
         let red = self.triangles();
         let layers = self.layers().iter().zip(&red).enumerate();

@@ -8,17 +8,34 @@ use crate::{color, light, occlusion};
 use if_core::math::Vector;
 use rayon::prelude::*;
 
+/// Largest number of pixels of a picture: 8192 × 8192, for which samples take about 10 GB.
+const MOST_PIXELS: u128 = 1 << 26;
+
 /// Draws one view of the scene, scaled to fill the picture.
 ///
 /// A highlighted triangle shows through surfaces less than 3 cm in front of it, in a paler red.
 /// Where a cut opens a closed mesh, its inside is one flat colour; where the cut meets any mesh, a
 /// line is drawn.
+///
+/// # Panics
+///
+/// If the picture would have more than 2²⁶ pixels.
 pub fn render(scene: &[RenderLayer], view: &View, width: u32, height: u32) -> Image {
     side_by_side(scene, &[*view], width, height)
 }
 
 /// Draws several views of the scene side by side, each `width` × `height` pixels, at one scale.
+///
+/// # Panics
+///
+/// If the picture would have more than 2²⁶ pixels, all views together.
 pub fn side_by_side(scene: &[RenderLayer], views: &[View], width: u32, height: u32) -> Image {
+    let pixels = u128::from(width) * u128::from(height) * views.len() as u128;
+    assert!(
+        pixels <= MOST_PIXELS,
+        "{} views of {width} × {height} pixels are too large: a picture has at most 2²⁶ pixels",
+        views.len()
+    );
     let (w, h) = (width as usize, height as usize);
     let frame = Frame::new(scene, views, w * SUPER, h * SUPER);
     let normals: Vec<Vec<Vector>> = scene.iter().map(|layer| layer.mesh.vertex_normals()).collect();
@@ -64,4 +81,15 @@ fn draw(
         }
     });
     out
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    #[should_panic(expected = "a picture has at most 2²⁶ pixels")]
+    fn a_picture_that_no_memory_holds_is_refused() {
+        render(&[], &View::FRONT, u32::MAX, u32::MAX);
+    }
 }

@@ -134,7 +134,7 @@ struct Pair {
 /// Algorithm 1, lines 11 to 15: "p̂ and q̂ are the nearest points pair belonging to two adjacent
 /// layers and computed at the beginning of the simulation". The main paper defines `C^air`, and we
 /// do not have it: [`AirReading`] holds our readings.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub struct Air<'a> {
     inner: &'a InnerSurface<'a>,
     params: AirParams,

@@ -53,6 +53,12 @@ pub enum Algorithm1Error {
     /// A position is invalid.
     #[error(transparent)]
     Particles(#[from] ParticlesError),
+    /// The field has no value at any vertex that it could push out.
+    #[error("the field is NaN at all {vertices} vertices inside the mask; give a field of numbers")]
+    Field {
+        /// Vertices with a mask weight above zero.
+        vertices: usize,
+    },
     /// The run failed or was cancelled.
     #[error(transparent)]
     Run(#[from] RunError),
@@ -67,7 +73,9 @@ pub enum Algorithm1Error {
 ///
 /// # Errors
 ///
-/// Parameters or mask weights out of range, a step that fails, or [`RunError::Cancelled`].
+/// Parameters or mask weights out of range, a field that is NaN at all vertices inside the mask, a
+/// step that fails, or [`RunError::Cancelled`]. Where the field is NaN at some vertices only, they are
+/// not pushed, and [`Counters::degenerate`](crate::constraint::Counters::degenerate) counts them.
 pub fn run_algorithm1(
     garment: &TriMesh,
     below: &Below<'_>,
@@ -77,6 +85,7 @@ pub fn run_algorithm1(
     let mut solver = Solver::new(params.clone())?;
     let clearances = vec![params.clearance; garment.vertices().len()];
     let mut collision = SdfCollision::new(below.field, below.mask, &clearances)?;
+    check_field(garment, below)?;
     collision.push = params.push;
     collision.friction = params.friction;
     collision.max_push = params.max_push;
@@ -93,4 +102,36 @@ pub fn run_algorithm1(
     groups.push(&mut stretch);
     let report = solver.run(&mut particles, &mut groups, monitor)?;
     Ok((particles.positions, report))
+}
+
+/// One query for each vertex, of thousands: a field that is NaN moves nothing, as if all were settled.
+fn check_field(garment: &TriMesh, below: &Below<'_>) -> Result<(), Algorithm1Error> {
+    let vertices = garment.vertices().iter().zip(below.mask);
+    let inside: Vec<Point> = vertices.filter(|(_, m)| **m > 0.0).map(|(p, _)| *p).collect();
+    let mut distances = vec![0.0; inside.len()];
+    below.field.distances(&inside, &mut distances);
+    if !inside.is_empty() && distances.iter().all(|d| d.is_nan()) {
+        return Err(Algorithm1Error::Field { vertices: inside.len() });
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use if_core::monitor::Silent;
+    use if_core::shapes::Sphere;
+    use if_core::shapes::meshes::cloth;
+
+    #[test]
+    fn a_field_without_numbers_is_an_error() {
+        let garment = cloth(0.1, 0.1, 2, 2);
+        let run = |radius: f64, mask: f64| {
+            let field = Sphere { center: Point::origin(), radius };
+            let below = Below { field: &field, mask: &[mask; 9], air: None };
+            run_algorithm1(&garment, &below, &SolverParams::default(), &mut Silent)
+        };
+        assert_eq!(run(f64::NAN, 1.0).unwrap_err(), Algorithm1Error::Field { vertices: 9 });
+        assert!(run(f64::NAN, 0.0).is_ok() && run(0.02, 1.0).is_ok());
+    }
 }

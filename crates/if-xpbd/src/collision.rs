@@ -1,6 +1,6 @@
 //! Collision of a garment with a signed distance field: lines 6 to 10 of Algorithm 1.
 
-use crate::constraint::{Constraint, Counters, Residual, Stage};
+use crate::constraint::{Constraint, Counters, Residual, Stage, check_contact};
 use crate::half_space::friction;
 use if_core::edges::Edges;
 use if_core::field::{FieldSample, SignedDistance};
@@ -44,6 +44,7 @@ pub enum Push {
 ///
 /// Algorithm 1, lines 6 to 10. Line 8 is exact only where |∇φ| = 1; beyond, it throws a vertex out by |∇φ|² − 1
 /// times its depth: [`Push::Corrected`] divides. Friction after [Macklin et al. 2014], section 6.1.
+#[derive(Clone)]
 pub struct SdfCollision<'a> {
     field: &'a dyn SignedDistance,
     vertices: Vec<[u32; 3]>,
@@ -61,9 +62,9 @@ pub struct SdfCollision<'a> {
     counters: Counters,
     /// How samples are pushed out.
     pub push: Push,
-    /// Coulomb coefficient of friction.
+    /// Coulomb coefficient of friction: finite and at least 0.
     pub friction: Real,
-    /// The largest push of a sample in one visit, in metres.
+    /// The largest push of a sample in one visit, in metres: positive, may be infinite.
     pub max_push: Real,
 }
 
@@ -341,6 +342,10 @@ impl Constraint for SdfCollision<'_> {
         residual
     }
 
+    fn validate(&self) -> Result<(), ParameterError> {
+        check_contact(self.friction, self.max_push)
+    }
+
     fn stage(&self) -> Stage {
         Stage::Contact
     }
@@ -378,7 +383,12 @@ impl Constraint for SdfCollision<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::params::SolverParams;
+    use crate::particles::Particles;
+    use crate::report::{RunError, StepError};
+    use crate::solver::Solver;
     use approx::assert_relative_eq;
+    use if_core::monitor::Silent;
     use if_core::shapes::ScaledGradient;
     use if_core::shapes::meshes::cloth;
     use if_core::shapes::{Cuboid, Plane, Sphere};
@@ -578,6 +588,22 @@ mod tests {
         group.project(&mut p, &[1.0; 2], 1e-3);
         assert_eq!(p, start);
         assert_eq!(group.counters().degenerate, 2);
+    }
+
+    #[test]
+    fn the_solver_refuses_a_negative_push() {
+        let mut group = SdfCollision::new(&BALL, &[1.0], &[0.0]).unwrap();
+        let mut particles = Particles::uniform(vec![Point::new(0.5, 0.0, 0.0)], 1.0).unwrap();
+        let start = particles.clone();
+        group.max_push = -1e-3;
+        let mut solver = Solver::new(SolverParams::default()).unwrap();
+        let error = solver.run(&mut particles, &mut [&mut group], &mut Silent).unwrap_err();
+        assert!(
+            matches!(&error, RunError::Step(StepError::Group { group: 0, source })
+                if source.name == "max_push"),
+            "{error}"
+        );
+        assert_eq!(particles, start);
     }
 
     #[test]

@@ -101,6 +101,14 @@ pub fn check_compliance(value: Real) -> Result<(), ParameterError> {
     )
 }
 
+/// Checks the numbers of a contact group: friction and the largest push of a visit, in metres.
+pub(crate) fn check_contact(friction: Real, max_push: Real) -> Result<(), ParameterError> {
+    let rubs = friction >= 0.0 && friction.is_finite();
+    ParameterError::check("friction", friction, rubs, "finite and at least 0")?;
+    let range = "positive (metres; infinity for no limit)";
+    ParameterError::check("max_push", max_push, max_push > 0.0, range)
+}
+
 /// One *group* of constraints: dynamic dispatch once per group and sweep, static per element.
 ///
 /// All slices have one entry per particle. An inverse mass of zero pins its particle.
@@ -117,6 +125,15 @@ pub trait Constraint {
 
     /// Visits every constraint of the group once, in an order that is always the same.
     fn project(&mut self, positions: &mut [Point], inverse_masses: &[Real], h: Real) -> Residual;
+
+    /// Checks the numbers that callers may set between steps. The solver calls it before each step.
+    ///
+    /// # Errors
+    ///
+    /// The first that is NaN or outside its range.
+    fn validate(&self) -> Result<(), ParameterError> {
+        Ok(())
+    }
 
     /// When in a substep the group is visited.
     fn stage(&self) -> Stage {

@@ -1,8 +1,9 @@
 //! Contacts of points on a moving surface with fixed half-spaces: the contacts of a garment with
 //! the frozen layers below it.
 
-use crate::constraint::{Constraint, Residual, Stage};
+use crate::constraint::{Constraint, Residual, Stage, check_contact};
 use if_core::math::{Point, Real, Vector};
+use if_core::parameter::ParameterError;
 
 /// Contacts `n·(Σ bₖ pₖ − q) ≥ δ` of samples on up to three vertices with fixed half-spaces.
 ///
@@ -30,14 +31,14 @@ pub struct HalfSpaces {
     pushed: Vec<bool>,
     /// Positions of the samples at the start of the substep; empty without friction.
     anchors: Vec<Point>,
-    /// Coulomb coefficient of friction, without unit.
+    /// Coulomb coefficient of friction, without unit: finite and at least 0.
     pub friction: Real,
-    /// The largest push of a sample in one visit, in metres.
+    /// The largest push of a sample in one visit, in metres: positive, may be infinite.
     pub max_push: Real,
     /// The largest motion of a vertex in one visit, as a multiple of the sample's push. A vertex of
     /// weight b that is the only free or light one moves by 1/b of the push. With infinity each
     /// sample reaches its gap at once, and a free corner far from its sample is thrown; from 4 on,
-    /// middles of edges and of triangles still reach theirs at once.
+    /// middles of edges and of triangles still reach theirs at once. Positive.
     pub max_lever: Real,
     /// When the contacts are visited. Those of [`Stage::Elastic`] give way to those of
     /// [`Stage::Contact`], which come later in every sweep.
@@ -222,6 +223,12 @@ impl Constraint for HalfSpaces {
         HalfSpaces::project(self, positions, inverse_masses)
     }
 
+    fn validate(&self) -> Result<(), ParameterError> {
+        check_contact(self.friction, self.max_push)?;
+        let range = "positive (infinity for no limit)";
+        ParameterError::check("max_lever", self.max_lever, self.max_lever > 0.0, range)
+    }
+
     fn stage(&self) -> Stage {
         self.stage
     }
@@ -255,6 +262,9 @@ impl Constraint for HalfSpaces {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::params::SolverParams;
+    use crate::particles::Particles;
+    use crate::solver::Solver;
     use approx::assert_relative_eq;
 
     fn triangle() -> Vec<Point> {
@@ -331,6 +341,31 @@ mod tests {
         // Each takes 4 % of what is missing: ln(1e8) / 0.04 visits and some. At once, it is thrown
         // by ten metres in the first.
         assert!(visits > 400 && (p[0], p[2]) == (start[0], start[2]));
+    }
+
+    #[test]
+    fn the_solver_refuses_limits_out_of_range() {
+        let push = "positive (metres; infinity for no limit)";
+        for (name, bad, range, set) in [
+            ("max_push", -1e-3, push, (|h, x| h.max_push = x) as fn(&mut HalfSpaces, Real)),
+            ("max_push", 0.0, push, |h, x| h.max_push = x),
+            ("friction", -0.1, "finite and at least 0", |h, x| h.friction = x),
+            ("friction", Real::INFINITY, "finite and at least 0", |h, x| h.friction = x),
+            ("max_lever", 0.0, "positive (infinity for no limit)", |h, x| h.max_lever = x),
+        ] {
+            let mut contacts = HalfSpaces::new();
+            contacts.validate().unwrap();
+            set(&mut contacts, Real::NAN);
+            assert_eq!(contacts.validate().unwrap_err().name, name);
+            set(&mut contacts, bad);
+            let mut particles = Particles::uniform(triangle(), 1.0).unwrap();
+            let error = Solver::new(SolverParams::default())
+                .unwrap()
+                .step(&mut particles, &mut [&mut HalfSpaces::new(), &mut contacts])
+                .unwrap_err();
+            let expected = format!("parameter `{name}` is {bad}; it must be {range}");
+            assert_eq!(error.to_string(), format!("group 1 is invalid: {expected}"));
+        }
     }
 
     #[test]

@@ -7,6 +7,7 @@ use if_core::mesh::TriMesh;
 
 /// The layer below: a mesh at rest, its nearest points, and the normals of its faces, edges and
 /// vertices.
+#[derive(Clone)]
 pub struct InnerSurface<'a> {
     mesh: &'a TriMesh,
     closest: &'a dyn ClosestPoint,

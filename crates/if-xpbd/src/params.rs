@@ -1,6 +1,7 @@
 //! The solver's parameters, with the corrected and the literal preset.
 
 use crate::collision::Push;
+use crate::constraint::check_contact;
 use if_core::math::Real;
 use if_core::number_or_infinite;
 use if_core::parameter::ParameterError;
@@ -56,7 +57,8 @@ pub enum Motion {
 /// for comparisons with the paper: nothing else uses it.
 ///
 /// `compliance`, `lambda_form`, `push`, `friction`, `clearance` and `max_push` are for the groups
-/// that `run_algorithm1` makes. A `Solver` does not read them: each group has its own.
+/// that `run_algorithm1` makes. A `Solver` does not read them: each group has its own. Substeps, sweeps
+/// and visits are at most 10,000 each, as a run can be cancelled only between steps.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct SolverParams {
@@ -185,8 +187,14 @@ impl SolverParams {
             positive(self.time_step),
             "positive and finite (seconds)",
         )?;
-        check("substeps", self.substeps.into(), self.substeps > 0, "at least 1")?;
-        check("contact_visits", self.contact_visits.into(), self.contact_visits > 0, "at least 1")?;
+        for (name, n, least, range) in [
+            ("substeps", self.substeps, 1, "from 1 to 10,000"),
+            ("contact_visits", self.contact_visits, 1, "from 1 to 10,000"),
+            ("sweeps", self.sweeps, 0, "at most 10,000"),
+            ("final_contact_visits", self.final_contact_visits, 0, "at most 10,000"),
+        ] {
+            check(name, n.into(), (least..=10_000).contains(&n), range)?;
+        }
         let h2 = self.substep() * self.substep();
         check(
             "time_step",
@@ -209,18 +217,12 @@ impl SolverParams {
             not_negative(self.stop_below),
             "finite and at least 0 (metres)",
         )?;
-        check("friction", self.friction, not_negative(self.friction), "finite and at least 0")?;
+        check_contact(self.friction, self.max_push)?;
         check(
             "clearance",
             self.clearance,
             not_negative(self.clearance),
             "finite and at least 0 (metres)",
-        )?;
-        check(
-            "max_push",
-            self.max_push,
-            self.max_push > 0.0,
-            "positive (metres; infinity for no limit)",
         )?;
         check("retries", self.retries.into(), self.retries <= 10, "at most 10 (each halves h)")?;
         check(
@@ -260,12 +262,16 @@ mod tests {
     #[test]
     fn a_parameter_out_of_range_is_named() {
         type Spoil = fn(&mut SolverParams);
-        let table: [(&str, Spoil); 15] = [
+        let table: [(&str, Spoil); 19] = [
             ("time_step", |p| p.time_step = Real::NAN),
             ("time_step", |p| p.time_step = 0.0),
             ("time_step", |p| p.time_step = 1e-200),
             ("substeps", |p| p.substeps = 0),
             ("contact_visits", |p| p.contact_visits = 0),
+            ("substeps", |p| p.substeps = u32::MAX),
+            ("contact_visits", |p| p.contact_visits = 10_001),
+            ("sweeps", |p| p.sweeps = 10_001),
+            ("final_contact_visits", |p| p.final_contact_visits = 10_001),
             ("compliance", |p| p.compliance = -1.0),
             ("compliance", |p| p.compliance = Real::NAN),
             ("gravity[1]", |p| p.gravity[1] = Real::INFINITY),

@@ -3,6 +3,7 @@
 use crate::constraint::{Counters, Residual};
 use if_core::math::Real;
 use if_core::monitor::Cancelled;
+use if_core::parameter::ParameterError;
 
 /// What a step did.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -79,6 +80,14 @@ pub enum StepError {
         velocities: usize,
         /// Inverse masses given.
         inverse_masses: usize,
+    },
+    /// A number of a group is out of range.
+    #[error("group {group} is invalid: {source}")]
+    Group {
+        /// Index of the group in the list given.
+        group: usize,
+        /// What is invalid in it.
+        source: ParameterError,
     },
     /// The state stopped being finite, whatever the substep.
     #[error(

@@ -89,8 +89,8 @@ impl Solver {
     ///
     /// # Errors
     ///
-    /// A state that is not finite, an energy jump or a displacement jump, if smaller substeps did
-    /// not help.
+    /// A group with a number out of range; a state that is not finite, an energy jump or a
+    /// displacement jump, if smaller substeps did not help.
     ///
     /// # Panics
     ///
@@ -109,6 +109,9 @@ impl Solver {
         let vertices = particles.non_finite(NAMED);
         if !vertices.is_empty() {
             return Err(StepError::Input { vertices });
+        }
+        for (group, constraint) in groups.iter().enumerate() {
+            constraint.validate().map_err(|source| StepError::Group { group, source })?;
         }
         // The inverse masses are not written: groups receive them read-only.
         copy_state(particles, &mut self.backup);

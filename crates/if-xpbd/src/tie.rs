@@ -2,6 +2,7 @@
 
 use crate::constraint::{Constraint, Residual};
 use if_core::math::{Point, Real, Vector};
+use if_core::parameter::ParameterError;
 
 /// Vertices that move with a triangle, like the layers of a hem, a cuff or a lapel.
 ///
@@ -27,6 +28,27 @@ pub struct Ties {
     barycentric: Vec<[Real; 3]>,
     offsets: Vec<Vector>,
     shares: Vec<Real>,
+}
+
+/// Why a tie is invalid.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum TieError {
+    /// The vertex or a corner of the triangle does not exist.
+    #[error(
+        "tie {tie} names vertex {vertex}, but there are only {vertices} positions (0 is the first)"
+    )]
+    IndexOutOfRange {
+        /// Index of the tie.
+        tie: usize,
+        /// The vertex it names.
+        vertex: u32,
+        /// Number of positions.
+        vertices: usize,
+    },
+    /// The share is out of range, or a barycentric coordinate is not finite.
+    #[error(transparent)]
+    Parameter(#[from] ParameterError),
 }
 
 impl Ties {
@@ -65,6 +87,11 @@ impl Ties {
 
     /// Ties `vertex` to the point `barycentric` of `triangle` with `share` k, at rest at
     /// `positions`.
+    ///
+    /// # Errors
+    ///
+    /// A vertex beyond `positions`, a share outside [0, 1], or a barycentric coordinate that is not
+    /// finite. Nothing is added then.
     pub fn push(
         &mut self,
         vertex: u32,
@@ -72,13 +99,23 @@ impl Ties {
         barycentric: [Real; 3],
         share: Real,
         positions: &[Point],
-    ) {
+    ) -> Result<(), TieError> {
+        let (tie, [a, b, c], vertices) = (self.len(), triangle, positions.len());
+        if let Some(vertex) = [vertex, a, b, c].into_iter().find(|v| *v as usize >= vertices) {
+            return Err(TieError::IndexOutOfRange { tie, vertex, vertices });
+        }
+        ParameterError::check_share("share", share).map_err(|e| e.at(tie))?;
+        for x in barycentric {
+            ParameterError::check("barycentric", x, x.is_finite(), "finite")
+                .map_err(|e| e.at(tie))?;
+        }
         let corners = triangle.map(|v| positions[v as usize]);
         let offset = positions[vertex as usize].coords - blend(&corners, barycentric);
         self.vertices.push([vertex, triangle[0], triangle[1], triangle[2]]);
         self.barycentric.push(barycentric);
         self.offsets.push(offset);
         self.shares.push(share);
+        Ok(())
     }
 }
 
@@ -142,10 +179,29 @@ mod tests {
     }
 
     #[test]
+    fn an_invalid_tie_is_refused_and_named() {
+        let (x, mut ties) = (folded(), Ties::new());
+        ties.push(0, [1, 2, 3], [0.4, 0.3, 0.3], 1.0, &x).unwrap();
+        for share in [5.0, -0.1, Real::NAN] {
+            let error = ties.push(0, [1, 2, 3], [0.4, 0.3, 0.3], share, &x).unwrap_err();
+            assert!(matches!(error, TieError::Parameter(e) if e.name == "share[1]"), "{share}");
+        }
+        let error = ties.push(0, [1, 2, 3], [0.5, Real::NAN, 0.5], 1.0, &x).unwrap_err();
+        assert!(matches!(error, TieError::Parameter(e) if e.name == "barycentric[1]"));
+        for (vertex, triangle) in [(4, [1, 2, 3]), (0, [1, 4, 3])] {
+            assert_eq!(
+                ties.push(vertex, triangle, [0.4, 0.3, 0.3], 1.0, &x).unwrap_err(),
+                TieError::IndexOutOfRange { tie: 1, vertex: 4, vertices: 4 }
+            );
+        }
+        assert_eq!(ties.len(), 1);
+    }
+
+    #[test]
     fn a_tied_vertex_is_at_rest_after_a_translation() {
         let x = folded();
         let mut ties = Ties::new();
-        ties.push(0, [1, 2, 3], [0.4, 0.3, 0.3], 1.0, &x);
+        ties.push(0, [1, 2, 3], [0.4, 0.3, 0.3], 1.0, &x).unwrap();
         let mut moved: Vec<Point> = x.iter().map(|p| p + Vector::new(5.0, -2.0, 1.0)).collect();
         assert!(ties.project(&mut moved, &[1.0; 4], 1.0).max < 1e-14);
     }
@@ -154,7 +210,7 @@ mod tests {
     fn a_vertex_pushed_through_returns_to_its_side_and_momentum_is_kept() {
         let x = folded();
         let mut ties = Ties::new();
-        ties.push(0, [1, 2, 3], [0.4, 0.3, 0.3], 0.5, &x);
+        ties.push(0, [1, 2, 3], [0.4, 0.3, 0.3], 0.5, &x).unwrap();
         let mut y = x.clone();
         y[0].z = -0.01;
         let before: Vector = y.iter().map(|p| p.coords).sum();
@@ -171,7 +227,7 @@ mod tests {
     fn a_triangle_without_area_works_like_any_other() {
         let mut x = vec![Point::origin(); 4];
         let mut ties = Ties::new();
-        ties.push(0, [1, 2, 3], [1.0, 0.0, 0.0], 1.0, &x);
+        ties.push(0, [1, 2, 3], [1.0, 0.0, 0.0], 1.0, &x).unwrap();
         x[0].x = 1.0;
         ties.project(&mut x, &[1.0, 0.0, 0.0, 0.0], 1.0);
         assert_eq!(x[0], Point::origin());

@@ -10,8 +10,8 @@ use serde::{Deserialize, Serialize};
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct AlignParams {
-    /// Number of nearest sites that move a point. Fewer make the field less smooth far from the
-    /// body.
+    /// Number of nearest sites that move a point, at most 1,000. Fewer make the field less smooth far
+    /// from the body.
     pub neighbours: usize,
     /// Width of the kernel at the body, in metres. A larger width averages over a limb, so that
     /// tight garments end up inside the body.
@@ -52,7 +52,8 @@ impl AlignParams {
         let non_negative = |x: Real| x >= 0.0 && x.is_finite();
         let Self { neighbours, least_width, growth, skin_floor, poor, turned } = *self;
         let check = ParameterError::check;
-        check("neighbours", neighbours as Real, neighbours >= 4, "at least 4")?;
+        let near = (4..=1000).contains(&neighbours);
+        check("neighbours", neighbours as Real, near, "from 4 to 1,000")?;
         check("least_width", least_width, positive(least_width), "positive (m)")?;
         check("growth", growth, non_negative(growth), "zero or positive")?;
         check("skin_floor", skin_floor, positive(skin_floor), "positive")?;
@@ -81,4 +82,17 @@ pub enum AlignError {
     /// A position is not finite.
     #[error(transparent)]
     Mesh(#[from] MeshError),
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_number_of_neighbours_has_bounds() {
+        for (neighbours, valid) in [(3, false), (4, true), (1000, true), (usize::MAX, false)] {
+            let params = AlignParams { neighbours, ..Default::default() };
+            assert_eq!(params.validate().is_ok(), valid, "{neighbours}");
+        }
+    }
 }

@@ -34,6 +34,28 @@ fn a_motion_has_a_pose_for_each_frame() {
 }
 
 #[test]
+fn what_cannot_be_read_is_not_made_or_written() {
+    assert!(matches!(Motion::new(24.0, vec![]), Err(MotionError::Empty)));
+    for rate in [-5.0, 0.0, Real::NAN, Real::INFINITY] {
+        assert!(matches!(Motion::new(rate, vec![Pose::rest(2)]), Err(MotionError::Rate(_))));
+    }
+    let fine = Motion::new(24.0, vec![Pose::rest(2); 2]).unwrap();
+    let mut text = Vec::new();
+    fine.write(&mut text, &skeleton()).unwrap();
+    assert_eq!(Motion::read(text.as_slice(), &skeleton()).unwrap(), fine);
+    let refused = |spoil: fn(&mut Motion), expected: &str| {
+        let (mut motion, mut out) = (fine.clone(), Vec::new());
+        spoil(&mut motion);
+        let error = motion.write(&mut out, &skeleton()).unwrap_err();
+        assert!(error.to_string().contains(expected) && out.is_empty(), "{error}");
+    };
+    refused(|m| m.poses[1].root_translation.x = Real::NAN, "frame 1 of the motion");
+    refused(|m| m.poses[1] = Pose::rest(3), "3 rotations for 2 joints");
+    refused(|m| m.frames_per_second = Real::NAN, "NaN frames per second");
+    refused(|m| m.poses.clear(), "no frames");
+}
+
+#[test]
 fn invalid_motions_are_errors_that_name_the_place() {
     let error = |joints: &str, frames: &str| read(joints, frames).unwrap_err().to_string();
     let frames = format!("[{FRAME}]");

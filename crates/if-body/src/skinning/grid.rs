@@ -43,7 +43,9 @@ impl WeightGridParams {
         for margin in self.margin.iter().copied() {
             check("margin", margin, margin.is_finite() && margin >= 0.0, "zero or positive (m)")?;
         }
-        check("neighbours", self.neighbours as Real, self.neighbours > 0, "at least 1")
+        let (near, rounds) = (self.neighbours, self.rounds);
+        check("neighbours", near as Real, (1..=1000).contains(&near), "from 1 to 1,000")?;
+        check("rounds", rounds as Real, rounds <= 1000, "at most 1,000")
     }
 }
 
@@ -167,6 +169,10 @@ impl WeightGrid {
     }
 
     /// Weights for vertices at `points`: the four largest at each, normalised.
+    ///
+    /// # Panics
+    ///
+    /// If a coordinate is NaN.
     pub fn skin(&self, points: &[Point]) -> SkinWeights {
         let four = |p: &Point| {
             let mut all = vec![0.0; self.joints];
@@ -181,8 +187,9 @@ impl WeightGrid {
             (joints, weights)
         };
         let (joints, weights) = points.par_iter().with_min_len(256).map(four).unzip();
-        SkinWeights::new(joints, weights, self.joints)
-            .expect("the four largest weights are positive, and were divided by their sum")
+        SkinWeights::new(joints, weights, self.joints).expect(
+            "points are no NaN: the four largest weights are positive and divided by their sum",
+        )
     }
 }
 
@@ -228,7 +235,11 @@ mod tests {
             let error = new(&points, 2, WeightGridParams { cell, ..fine });
             assert!(matches!(&error, SkinError::Parameter(e) if e.name == "cell"), "{error}");
         }
-        let error = new(&points, 2, WeightGridParams { neighbours: 0, ..fine });
-        assert!(matches!(error, SkinError::Parameter(e) if e.name == "neighbours"));
+        for neighbours in [0, 1001, usize::MAX] {
+            let error = new(&points, 2, WeightGridParams { neighbours, ..fine });
+            assert!(matches!(error, SkinError::Parameter(e) if e.name == "neighbours"));
+        }
+        let error = new(&points, 2, WeightGridParams { rounds: usize::MAX, ..fine });
+        assert!(matches!(error, SkinError::Parameter(e) if e.name == "rounds"));
     }
 }

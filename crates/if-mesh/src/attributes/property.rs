@@ -10,7 +10,8 @@ pub struct Property {
     pub name: String,
     /// The value of each record, or the values of all lists one after the other.
     pub values: Column,
-    /// For a property of lists: the list of record `r` is `values[lists[r]..lists[r + 1]]`.
+    /// For a property of lists: the list of record `r` is `values[lists[r]..lists[r + 1]]`. They ascend
+    /// from 0 to the number of values.
     pub lists: Option<Vec<u32>>,
 }
 
@@ -23,6 +24,15 @@ impl Property {
     /// Number of records.
     pub fn records(&self) -> usize {
         self.lists.as_ref().map_or(self.values.len(), |l| l.len().saturating_sub(1))
+    }
+
+    /// Whether the lists, if it has any, ascend from 0 to the number of values.
+    pub(crate) fn lists_divide_values(&self) -> bool {
+        self.lists.as_ref().is_none_or(|l| {
+            l.is_sorted()
+                && l.first() == Some(&0)
+                && l.last().is_some_and(|&n| n as usize == self.values.len())
+        })
     }
 
     /// The range in `values` of the values of `record`.

@@ -10,7 +10,7 @@ use if_core::parameter::ParameterError;
 /// A closed top, a dress or a pullover has 4 openings, an open jacket 3 (its hem, front and neck
 /// are one), trousers 3, a skirt 2. Sides of parted seams ([`FillReport::parted`](super::FillReport)) are
 /// neither.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub enum Openings {
     /// By shape: a loop at the end of a tube is an opening, one in a sheet is a hole. It is an
@@ -77,7 +77,7 @@ fn all_finite(name: &'static str, points: &[Point]) -> Result<(), ParameterError
 /// What leads through openings.
 ///
 /// A lid over a limb would cut it off, so its loop is an opening, however small it is beside a tear.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct Around {
     /// Chains of points, in metres: from the middle of a person along the bones of a limb to its end and
     /// beyond.
@@ -109,7 +109,7 @@ impl Around {
 /// The garment is a part of its surface. The complement falls into components: head, hands, legs,
 /// and patches that belong to the garment but are missing in it. A loop that bounds a large
 /// component is an opening.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Complement {
     /// The clothed body's surface: closed, or what was scanned of it. Where it is missing, loops
     /// bound nothing.

@@ -5,7 +5,7 @@ use if_core::math::Real;
 use if_core::parameter::ParameterError;
 
 /// Parameters of [`cleanup`](super::cleanup()).
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct CleanupParams {
     /// Which parts are isolated elements; `None` keeps all parts.
     pub components: Option<ComponentParams>,

@@ -95,6 +95,15 @@ fn a_refitted_tree_returns_the_results_of_a_new_one() {
 }
 
 #[test]
+#[should_panic(expected = "all positions must be finite")]
+fn a_tree_is_not_refitted_to_nan() {
+    let mesh = sheet(3);
+    let mut x = mesh.vertices().to_vec();
+    x[5].y = Real::NAN;
+    Bvh::new(&mesh).refit(&x);
+}
+
+#[test]
 fn boxes_pairs_and_segments_agree_with_all_triangles() {
     let mesh = sheet(9);
     let bvh = Bvh::new(&mesh);

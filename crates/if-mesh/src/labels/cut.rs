@@ -15,6 +15,7 @@
 use super::error::LabelError;
 use super::origin::Origin;
 use super::scores::LabelScores;
+use super::votes::check_count;
 use if_core::edges::Edges;
 use if_core::math::{Point, Real, barycentric_point};
 use if_core::mesh::TriMesh;
@@ -67,7 +68,8 @@ pub struct Piece {
 ///
 /// # Errors
 ///
-/// [`LabelError`]: scores of another mesh or not finite, or a parameter out of range.
+/// [`LabelError`]: scores of another mesh, of no or more than 256 labels, or not finite; or a
+/// parameter out of range.
 ///
 /// # Examples
 ///
@@ -90,11 +92,7 @@ pub fn cut(
     scores: &LabelScores,
     params: &CutParams,
 ) -> Result<Vec<Piece>, LabelError> {
-    let n = mesh.vertices().len();
-    if scores.vertices() != n {
-        let got = scores.vertices();
-        return Err(LabelError::Vertices { values: "scores", got, expected: n });
-    }
+    check_count("scores", scores.labels, scores.scores.len(), mesh.vertices().len())?;
     if let Some(at) = scores.scores.iter().position(|s| !s.is_finite()) {
         return Err(LabelError::Value {
             values: "as the score",
@@ -392,6 +390,18 @@ mod tests {
             cut(&mesh, &bad, &CutParams::default()),
             Err(LabelError::Value { vertex: 1, label: 1, .. })
         ));
+        for (labels, each) in [(0, 1), (300, 300)] {
+            let scores = vec![Real::NAN; each * mesh.vertices().len()];
+            let error = cut(&mesh, &LabelScores { labels, scores }, &CutParams::default());
+            assert_eq!(error, Err(LabelError::Labels { values: "scores", labels }));
+        }
+        let mut long = one.clone();
+        long.scores.extend([0.5; 2]);
+        let error = cut(&mesh, &long, &CutParams::default()).unwrap_err();
+        assert_eq!(
+            error.to_string(),
+            "there are 146 scores for 48 vertices and 3 labels; give one for each of both"
+        );
         for least in [-0.1, 0.6, Real::NAN] {
             let error = cut(&mesh, &one, &CutParams { least }).unwrap_err();
             assert!(matches!(error, LabelError::Parameter(_)), "{least}");

@@ -35,6 +35,14 @@ pub enum LabelError {
         "there are {values} for {got} vertices, but the mesh has {expected}; give those of this mesh"
     )]
     Vertices { values: &'static str, got: usize, expected: usize },
+    /// There are no labels, or more than a `u8` can name.
+    #[error("there are {values} for {labels} labels; give those of 1 to 256 labels")]
+    Labels { values: &'static str, labels: usize },
+    /// Not one number for each vertex and label.
+    #[error(
+        "there are {got} {values} for {vertices} vertices and {labels} labels; give one for each of both"
+    )]
+    Count { values: &'static str, got: usize, vertices: usize, labels: usize },
     /// A number of votes is negative or not finite, or a score is not finite.
     #[error("vertex {vertex} has {value} {values} for label {label}; {range}")]
     Value { values: &'static str, vertex: usize, label: usize, value: Real, range: &'static str },

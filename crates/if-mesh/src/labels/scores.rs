@@ -6,7 +6,7 @@ use if_core::math::Real;
 /// Scores of the labels of each vertex: one field over the surface per label.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LabelScores {
-    /// Number of labels, [`UNDECIDED`](super::UNDECIDED) among them.
+    /// Number of labels, [`UNDECIDED`](super::UNDECIDED) among them: from 1 to 256.
     pub labels: usize,
     /// `scores[v · labels + label]`, from 0 to 1; zero for [`UNDECIDED`](super::UNDECIDED).
     pub scores: Vec<Real>,
@@ -29,6 +29,10 @@ impl LabelScores {
 
     /// The label of each vertex: that of the highest score, the smaller one of equals;
     /// [`UNDECIDED`](super::UNDECIDED) if no score is positive.
+    ///
+    /// # Panics
+    ///
+    /// If the label of a highest score is above 255.
     pub fn winners(&self) -> Vec<u8> {
         (0..self.vertices()).map(|v| winner(self.of(v))).collect()
     }

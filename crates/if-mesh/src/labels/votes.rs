@@ -9,7 +9,7 @@ pub const UNDECIDED: u8 = 0;
 /// Votes for each vertex and label.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LabelVotes {
-    /// Number of labels, [`UNDECIDED`] among them.
+    /// Number of labels, [`UNDECIDED`] among them: from 1 to 256.
     pub labels: usize,
     /// `weights[v · labels + label]`: the number of frames that vote for the label, weighted by how
     /// well they see the vertex. Zero for [`UNDECIDED`].
@@ -48,16 +48,17 @@ impl LabelVotes {
     }
 
     /// The label with most votes, the smaller one of equals; [`UNDECIDED`] without votes.
+    ///
+    /// # Panics
+    ///
+    /// If `vertex` is out of range, or the label with most votes is above 255.
     pub fn winner(&self, vertex: usize) -> u8 {
         winner(self.of(vertex))
     }
 
     /// Checks that these are votes for so many vertices, finite and not negative.
     pub(super) fn check(&self, vertices: usize) -> Result<(), LabelError> {
-        if self.vertices() != vertices {
-            let got = self.vertices();
-            return Err(LabelError::Vertices { values: "votes", got, expected: vertices });
-        }
+        check_count("votes", self.labels, self.weights.len(), vertices)?;
         match self.weights.iter().position(|w| !(w.is_finite() && *w >= 0.0)) {
             None => Ok(()),
             Some(at) => Err(LabelError::Value {
@@ -71,6 +72,25 @@ impl LabelVotes {
     }
 }
 
+/// Checks that `got` numbers are one for each of so many `vertices` and `labels`.
+pub(super) fn check_count(
+    values: &'static str,
+    labels: usize,
+    got: usize,
+    vertices: usize,
+) -> Result<(), LabelError> {
+    if !(1..=usize::from(u8::MAX) + 1).contains(&labels) {
+        return Err(LabelError::Labels { values, labels });
+    }
+    if got / labels != vertices {
+        return Err(LabelError::Vertices { values, got: got / labels, expected: vertices });
+    }
+    if !got.is_multiple_of(labels) {
+        return Err(LabelError::Count { values, got, vertices, labels });
+    }
+    Ok(())
+}
+
 /// Index of the largest positive number, the first of equals; [`UNDECIDED`] if none is positive.
 pub(super) fn winner(weights: &[Real]) -> u8 {
     let mut best = usize::from(UNDECIDED);
@@ -79,5 +99,5 @@ pub(super) fn winner(weights: &[Real]) -> u8 {
             best = label;
         }
     }
-    best as u8
+    u8::try_from(best).expect("at most 256 labels")
 }

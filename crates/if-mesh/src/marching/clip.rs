@@ -17,7 +17,8 @@ const MARGIN: Real = 0.01;
 ///
 /// # Panics
 ///
-/// If the length of `values` is not the number of vertices.
+/// If the length of `values` is not the number of vertices, or if a cut edge is longer than a number
+/// can be, between coordinates such as ±1.7e308.
 ///
 /// # Examples
 ///

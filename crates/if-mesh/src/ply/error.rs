@@ -168,6 +168,11 @@ pub enum WriteError {
         "property `{property}` of element `{element}` has {found} records, expected {expected}"
     )]
     PropertyLength { element: String, property: String, expected: usize, found: usize },
+    /// The lists of a property do not divide its values.
+    #[error(
+        "the lists of property `{property}` of element `{element}` do not divide its {values} values; they must ascend from 0 to that number"
+    )]
+    Lists { element: String, property: String, values: usize },
     /// A name is invalid in a header.
     #[error("`{name}` cannot name an element or property: a name must be one word, and unique")]
     Name { name: String },

@@ -43,19 +43,14 @@ impl<'a> Rows<'a> {
             if !names.insert(checked(&p.name)?) {
                 return Err(WriteError::Name { name: p.name.clone() });
             }
-            let in_order = p.lists.as_ref().is_none_or(|l| {
-                l.is_sorted()
-                    && l.first() == Some(&0)
-                    && l.last().is_some_and(|&n| n as usize == p.values.len())
-            });
-            if p.records() != self.count || !in_order {
-                let (element, property) = (self.name.to_owned(), p.name.clone());
-                return Err(WriteError::PropertyLength {
-                    element,
-                    property,
-                    expected: self.count,
-                    found: p.records(),
-                });
+            let (element, property) = (self.name.to_owned(), p.name.clone());
+            if p.records() != self.count {
+                let (expected, found) = (self.count, p.records());
+                return Err(WriteError::PropertyLength { element, property, expected, found });
+            }
+            if !p.lists_divide_values() {
+                let values = p.values.len();
+                return Err(WriteError::Lists { element, property, values });
             }
             let list = length.map_or(String::new(), |t| format!("list {t} "));
             *header += &format!("property {list}{} {}\n", p.values.scalar_type(), p.name);
@@ -125,5 +120,25 @@ impl<W: Write> Blocks<'_, W> {
         self.writer.write_all(&self.bytes)?;
         self.bytes.clear();
         Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::attributes::Column;
+
+    #[test]
+    fn lists_beyond_their_values_are_named() {
+        let values = Column::U8(vec![7; 3]);
+        let ids = Property { name: "ids".into(), values, lists: Some(vec![0, 1, 9]) };
+        let error = Rows::new("vertex", 2, vec![Cow::Owned(ids)])
+            .declare(&mut String::new(), None)
+            .unwrap_err();
+        assert_eq!(
+            error.to_string(),
+            "the lists of property `ids` of element `vertex` do not divide its 3 values; they must \
+             ascend from 0 to that number"
+        );
     }
 }

@@ -11,7 +11,7 @@ use if_core::monitor::Monitor;
 ///
 /// The distance is exact outside; inside, it is the largest depth in any one layer, which is a
 /// lower bound of the depth in the union. It jumps across the caps that close a garment's openings.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub struct ClothedField<'a> {
     layers: Vec<&'a ClosedLayer>,
 }

@@ -29,7 +29,7 @@ pub(super) fn motion(frames: usize) -> Motion {
         pose.root_translation.z = 0.01 * k as f64;
         pose
     };
-    Motion::new(30.0, (0..frames).map(pose).collect())
+    Motion::new(30.0, (0..frames).map(pose).collect()).unwrap()
 }
 
 /// Cancels when so many frames of a stage are done.
@@ -292,7 +292,7 @@ fn cloth_makes_way_before_a_limb_comes() {
         pose.rotations[1] = UnitQuaternion::from_axis_angle(&Vector::y_axis(), 0.1 * shift);
         pose
     };
-    let motion = Motion::new(30.0, (0..12).map(pose).collect());
+    let motion = Motion::new(30.0, (0..12).map(pose).collect()).unwrap();
     let folder = tempfile::tempdir().unwrap();
     let params = AnimateParams { smoothing: 4.0 / 30.0, ..AnimateParams::default() };
     let done = animate(&outfit, &motion, &params, folder.path(), &mut Silent).unwrap().report;
@@ -314,7 +314,7 @@ fn a_limb_that_jumps_through_cloth_between_clean_frames_is_found() {
             pose
         };
         let poses = shifts.iter().map(pose).collect();
-        let motion = Motion::new(30.0, poses);
+        let motion = Motion::new(30.0, poses).unwrap();
         let folder = tempfile::tempdir().unwrap();
         let params = AnimateParams { smoothing: 0.0, ..AnimateParams::default() };
         let done = animate(&outfit, &motion, &params, folder.path(), &mut Silent).unwrap();
@@ -423,7 +423,7 @@ fn a_limb_that_goes_into_the_body_far_from_cloth_does_not_hold_the_cloth_back() 
         pose
     };
     let poses: Vec<Pose> = (0..5).map(pose).collect();
-    let motion = Motion::new(30.0, poses);
+    let motion = Motion::new(30.0, poses).unwrap();
     // One solve of one sweep separates nothing.
     let weak = WalkParams { solves: 1, sweeps: 1, halvings: 0, ..WalkParams::default() };
     let params = AnimateParams { walk: weak, ..AnimateParams::default() };

@@ -48,7 +48,7 @@ pub(super) fn corrected(
     let mut zoom = 1.0;
     let mut moved = 0.0;
     for outlier in OUTLIERS {
-        let now = camera.turned(&turn).zoomed(zoom);
+        let now = camera.turned(&turn).zoomed(zoom).ok()?;
         let terms = frames.par_iter().map(|frame| {
             let skin = &template.skin;
             let figure = Figure::new(&template.mesh, &edges, skin, &now, &frame.transforms);
@@ -95,6 +95,6 @@ pub(super) fn corrected(
     }
     let [is_turned, is_zoomed] = [moved > negligible, (zoom - 1.0).abs() > LEAST_FOCAL];
     let found = if is_turned { camera.turned(&turn) } else { camera.clone() };
-    let found = if is_zoomed { found.zoomed(zoom) } else { found };
+    let found = if is_zoomed { found.zoomed(zoom).ok()? } else { found };
     (is_turned || is_zoomed).then_some(found)
 }
