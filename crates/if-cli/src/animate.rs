@@ -353,7 +353,8 @@ fn write_caches(
         let file = File::create(staging.path(name))
             .map_err(|source| OutputError::File { path: args.out.join(name), source })?;
         let points = layer.mesh.vertices().len();
-        let cache = PointCacheWriter::new(BufWriter::new(file), points, frames.len());
+        let numbers = [args.source.number(0), args.source.every.get()];
+        let cache = PointCacheWriter::numbered(BufWriter::new(file), points, frames.len(), numbers);
         caches.push(cache.map_err(|e| fault(name, e))?);
     }
     for frame in 0..frames.len() {
