@@ -5,6 +5,7 @@ use crate::pose::FARTHEST;
 use if_core::math::{Point, Real};
 use if_core::mesh::TriMesh;
 use if_mesh::file::{MeshFile, ReadError};
+use std::f64::consts::PI;
 use std::fmt;
 use std::io;
 use std::ops::Range;
@@ -96,6 +97,11 @@ pub enum SequenceError {
         "{frame}: the body is {found:.3} m from corner to corner of its box, and {expected:.3} m at rest; export frames and body in metres"
     )]
     Size { frame: FrameSource, found: Real, expected: Real },
+    /// The body of a frame is turned inside out.
+    #[error(
+        "{frame}: frames are mirrored: the volume of the body is {found:.4} m³, and {expected:.4} m³ at rest; export frames and body with the same handedness of axes"
+    )]
+    Mirrored { frame: FrameSource, found: Real, expected: Real },
     /// The frames per second are none.
     #[error("{0} frames per second; give a number from 0.001 to 100,000")]
     Rate(Real),
@@ -104,6 +110,13 @@ pub enum SequenceError {
 /// How many times larger or smaller than at rest a body may be: a crouched one is half as long, and in
 /// centimetres it is a hundred times as large.
 const SIZES: Real = 8.0;
+
+/// Share of its volume at rest that a body has with the other sign if it is mirrored. A mirror keeps the volume
+/// but for the pose, and no pose turns half of a body inside out.
+const MIRRORED: Real = 0.5;
+/// Least volume, as a share of that of a ball with the same area, of a body that has an inside: a person has
+/// 0.3, and a sheet next to nothing, of any sign.
+const SOLID: Real = 0.01;
 
 const EXTENSIONS: [&str; 3] = ["ply", "obj", "glb"];
 
@@ -136,12 +149,14 @@ impl BodySequence {
             return Err(SequenceError::Empty { path: folder.into() });
         }
         check_order(folder, &files)?;
+        let at_rest = Volume::of(rest);
         for path in &files {
             let file = MeshFile::read(path)?;
             let frame = || FrameSource::File(path.clone());
-            check_positions(frame, file.mesh().vertices(), rest.vertices().len())?;
+            check_positions(&frame, file.mesh().vertices(), rest.vertices().len())?;
             check_triangles(path, &file, rest)?;
-            check_size(frame, file.mesh(), rest)?;
+            check_size(&frame, file.mesh(), rest)?;
+            check_handedness(&frame, file.mesh(), &at_rest)?;
         }
         let frames = files.into_iter().map(Frame::File).collect();
         Ok(Self { frames, vertices: rest.vertices().len(), frames_per_second })
@@ -161,12 +176,13 @@ impl BodySequence {
             return Err(SequenceError::Rate(frames_per_second));
         }
         let vertices = rest.vertices().len();
-        let mut checked = Vec::new();
+        let (mut checked, at_rest) = (Vec::new(), Volume::of(rest));
         for (number, positions) in frames.into_iter().enumerate() {
             let frame = || FrameSource::Positions(number);
-            check_positions(frame, &positions, vertices)?;
-            let mesh = rest.with_vertices(positions.clone());
-            check_size(frame, &mesh.expect("as many vertices, all finite"), rest)?;
+            check_positions(&frame, &positions, vertices)?;
+            let mesh = rest.with_vertices(positions.clone()).expect("as many vertices, all finite");
+            check_size(&frame, &mesh, rest)?;
+            check_handedness(&frame, &mesh, &at_rest)?;
             checked.push(Frame::Positions(positions.into()));
         }
         if checked.is_empty() {
@@ -327,6 +343,34 @@ fn check_size(
     }
 }
 
+/// The volume of a body.
+struct Volume {
+    signed: Real,
+    /// Whether it has an inside.
+    is_solid: bool,
+}
+
+impl Volume {
+    fn of(mesh: &TriMesh) -> Self {
+        let (signed, area) = (mesh.signed_volume(), mesh.area());
+        let ball = area.powf(1.5) / (6.0 * PI.sqrt());
+        Self { signed, is_solid: signed.abs() > SOLID * ball }
+    }
+}
+
+/// Triangles are those of the rest body, so that a mirror turns its surface inside out.
+fn check_handedness(
+    frame: impl Fn() -> FrameSource,
+    mesh: &TriMesh,
+    rest: &Volume,
+) -> Result<(), SequenceError> {
+    let found = mesh.signed_volume();
+    if rest.is_solid && found * rest.signed.signum() < -MIRRORED * rest.signed.abs() {
+        return Err(SequenceError::Mirrored { frame: frame(), found, expected: rest.signed });
+    }
+    Ok(())
+}
+
 fn check_triangles(path: &Path, file: &MeshFile, rest: &TriMesh) -> Result<(), SequenceError> {
     let (got, expected) = (file.mesh().triangles(), rest.triangles());
     if got.len() != expected.len() {
@@ -414,6 +458,14 @@ mod tests {
         vertices[7].y = 1e20;
         write("body_3.ply", &rest.with_vertices(vertices).unwrap());
         assert!(matches!(open(), Err(SequenceError::Far { vertex: 7, .. })));
+        // With the other handedness, wherever it is.
+        let mirror = |p: &Point| Point::new(3.0 - p.x, p.y, p.z);
+        write(
+            "body_3.ply",
+            &rest.with_vertices(rest.vertices().iter().map(mirror).collect()).unwrap(),
+        );
+        let error = open().unwrap_err().to_string();
+        assert!(error.contains("body_3.ply: frames are mirrored"), "{error}");
         std::fs::write(folder.path().join("body_3.ply"), "ply").unwrap();
         assert!(matches!(open(), Err(SequenceError::Mesh(_))));
         for rate in [0.0, -1.0, Real::NAN, 1e-300, 1e300] {
@@ -475,6 +527,15 @@ mod tests {
         }
         let large = message(moved(0.0).iter().map(|p| p * 1e3).collect());
         assert!(large.contains("export frames and body in metres"), "{large}");
+        let mirrored = message(moved(0.0).iter().map(|p| Point::new(p.x, p.y, -p.z)).collect());
+        assert!(mirrored.starts_with("frame 1: frames are mirrored"), "{mirrored}");
+        // Half a turn is no mirror, and a sheet has no inside.
+        let turned = moved(0.0).iter().map(|p| Point::new(-p.x, p.y, -p.z)).collect();
+        assert!(sequence(vec![turned]).is_ok());
+        let corners = [[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]].map(|[x, y]| Point::new(x, y, 0.0));
+        let sheet = TriMesh::new(corners.to_vec(), vec![[0, 1, 2]]).unwrap();
+        let mirrored = corners.map(|p| Point::new(-p.x, p.y, p.z)).to_vec();
+        assert!(BodySequence::from_positions([mirrored], &sheet, 30.0).is_ok());
         let rate = BodySequence::from_positions(vec![moved(0.0)], &rest, 0.0);
         assert!(matches!(rate, Err(SequenceError::Rate(_))));
     }

@@ -192,20 +192,9 @@ pub(crate) fn animated(spec: &OutfitSpec, args: &Options) -> Result<End, Report>
         Ok(animation) => animation,
         Err(error) => return stopped(error),
     };
-    let start = Instant::now();
-    let mut between = match args.continuous {
-        false => None,
-        true => match between_frames(movement.outfit(), &animation.frames, &mut monitor) {
-            Ok(between) => Some(between),
-            Err(AnimateError::Cancelled(_)) => return Ok(cancel::end(args.out.display())),
-            Err(source) => return Err(AnimateFault::Animate { source }.into()),
-        },
-    };
-    let between_seconds = args.continuous.then(|| start.elapsed().as_secs_f64());
     // What is said about frames is said of their numbers in the motion.
     let number = |frame| args.source.number(frame);
     animation.report.frames.iter_mut().for_each(|row| row.frame = number(row.frame));
-    between.iter_mut().flatten().for_each(|row| row.frame = number(row.frame));
     line.message("writing");
     let mut names = planned.caches.clone();
     let mut rounded = Vec::new();
@@ -229,7 +218,20 @@ pub(crate) fn animated(spec: &OutfitSpec, args: &Options) -> Result<End, Report>
         Err(_) if cancel::is_requested() => return Ok(cancel::end(args.out.display())),
         written => written?,
     }
-    if args.pictures {
+    let start = Instant::now();
+    let mut between = match args.continuous {
+        false => None,
+        true => match between_frames(movement.outfit(), &animation.frames, &mut monitor) {
+            Ok(between) => Some(between),
+            // What was written above stays.
+            Err(AnimateError::Cancelled(_)) => None,
+            Err(source) => return Err(AnimateFault::Animate { source }.into()),
+        },
+    };
+    let is_cancelled = args.continuous && between.is_none();
+    let between_seconds = between.as_ref().map(|_| start.elapsed().as_secs_f64());
+    between.iter_mut().flatten().for_each(|row| row.frame = number(row.frame));
+    if args.pictures && !is_cancelled {
         line.message("drawing");
         let folders = (&staging, args.out.as_path());
         names.extend(pictures::draw(movement, &animation, folders)?);
@@ -278,6 +280,10 @@ pub(crate) fn animated(spec: &OutfitSpec, args: &Options) -> Result<End, Report>
         let head = spec.title();
         let found = (&animation.report, between.as_deref().zip(between_seconds));
         print(&format!("{head}\n\n{}", summary::text(found, notes, &args.out, &names)))?;
+    }
+    if is_cancelled {
+        errors::note("cancelled; the ways between frames were not examined, and nothing is drawn");
+        return Ok(End::Cancelled);
     }
     Ok(end(&animation, between.as_deref(), rounded, args.strict))
 }
@@ -353,7 +359,8 @@ fn write_caches(
         let file = File::create(staging.path(name))
             .map_err(|source| OutputError::File { path: args.out.join(name), source })?;
         let points = layer.mesh.vertices().len();
-        let cache = PointCacheWriter::new(BufWriter::new(file), points, frames.len());
+        let numbers = [args.source.number(0), args.source.every.get()];
+        let cache = PointCacheWriter::numbered(BufWriter::new(file), points, frames.len(), numbers);
         caches.push(cache.map_err(|e| fault(name, e))?);
     }
     for frame in 0..frames.len() {

@@ -56,19 +56,33 @@ pub struct PointCacheWriter<W> {
 }
 
 impl<W: Write> PointCacheWriter<W> {
-    /// Writes the header of a cache of `frames` frames with `points` points each.
+    /// Writes the header of a cache of `frames` frames with `points` points each, numbered from 0.
     ///
     /// # Errors
     ///
     /// More than the format can count, or a writer that fails.
-    pub fn new(mut writer: W, points: usize, frames: usize) -> Result<Self, PointCacheError> {
+    pub fn new(writer: W, points: usize, frames: usize) -> Result<Self, PointCacheError> {
+        Self::numbered(writer, points, frames, [0, 1])
+    }
+
+    /// As [`new`](Self::new), with the number of the first frame, and by how much each next one is higher.
+    ///
+    /// # Errors
+    ///
+    /// As [`new`](Self::new).
+    pub fn numbered(
+        mut writer: W,
+        points: usize,
+        frames: usize,
+        [first, step]: [usize; 2],
+    ) -> Result<Self, PointCacheError> {
         let counted =
             |count: usize| i32::try_from(count).map_err(|_| PointCacheError::TooMany { count });
         writer.write_all(b"POINTCACHE2\0")?;
         writer.write_all(&1i32.to_le_bytes())?;
         writer.write_all(&counted(points)?.to_le_bytes())?;
-        writer.write_all(&0f32.to_le_bytes())?;
-        writer.write_all(&1f32.to_le_bytes())?;
+        writer.write_all(&(first as f32).to_le_bytes())?;
+        writer.write_all(&(step as f32).to_le_bytes())?;
         writer.write_all(&counted(frames)?.to_le_bytes())?;
         Ok(Self { writer, points, frames, written: 0 })
     }
@@ -130,6 +144,12 @@ mod tests {
         assert_eq!((int(12), int(16), float(20), float(24), int(28)), (1, 2, 0.0, 1.0, 2));
         assert_eq!([32, 36, 40, 44].map(float), [1.0, 2.0, 3.0, 0.0]);
         assert_eq!(bytes.len(), 32 + 2 * 2 * 12);
+        let mut every_second = Vec::new();
+        let cache = PointCacheWriter::numbered(&mut every_second, 2, 2, [5, 2]).unwrap();
+        assert!(cache.finish().is_err());
+        assert_eq!(every_second[..20], bytes[..20]);
+        let float = |at: usize| f32::from_le_bytes(every_second[at..at + 4].try_into().unwrap());
+        assert_eq!((float(20), float(24), every_second.len()), (5.0, 2.0, 32));
     }
 
     #[test]

@@ -127,11 +127,19 @@ pub(super) fn crossed(between: &[IntervalReport]) -> impl Iterator<Item = &Inter
 
 /// What all intervals have in common.
 pub(super) fn between_line(between: &[IntervalReport]) -> String {
+    let ended = || between.iter().filter_map(|i| i.more_than);
+    let more = ended().next().map_or(String::new(), |most| {
+        format!(
+            " In {} more than {} pairs meet, as where a body turns round or jumps; they are not counted.",
+            counted(ended().count(), "interval"),
+            count(most)
+        )
+    });
     let layers = between.iter().filter(|i| i.crossings > 0).count();
     let own = between.iter().filter(|i| i.own_crossings > 0).count();
     format!(
         "Between frames, in straight lines: layers pass through one another in {} of {} intervals, a \
-         layer through itself in {}.",
+         layer through itself in {}.{more}",
         count(layers),
         count(between.len()),
         count(own)
@@ -178,7 +186,11 @@ pub(super) fn between_cells(row: &IntervalReport) -> [String; 4] {
         let [i, j] = c.triangles;
         format!("{a} {i}, {b} {j} at {:.2}", c.share)
     });
-    [row.frame.to_string(), count(row.crossings), count(row.own_crossings), first]
+    let [layers, own] = match row.more_than {
+        Some(most) => [format!("more than {} in all", count(most)), String::new()],
+        None => [row.crossings, row.own_crossings].map(count),
+    };
+    [row.frame.to_string(), layers, own, first]
 }
 
 /// The row of the `k`-th frame. The first one begins from rest in any case.

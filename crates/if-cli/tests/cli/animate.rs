@@ -211,6 +211,12 @@ fn a_folder_of_bodies_carries_garments_without_a_skeleton() {
     assert!(second.exists() && !first.exists() && !folder.path("one/motion.glb").exists());
     let report: Value = serde_json::from_slice(&folder.read("one/report.json")).unwrap();
     assert_eq!(report["report"]["frames"][0]["frame"], 1);
+    // A point cache has them as well, and the step from one to the next.
+    let cache = folder.read("one/trousers.pc2");
+    assert_eq!(
+        (&cache[20..24], &cache[24..28]),
+        (&1f32.to_le_bytes()[..], &1f32.to_le_bytes()[..])
+    );
     // A number of a series is missing.
     std::fs::copy(folder.path("bodies/body_0002.ply"), folder.path("bodies/body_0004.ply"))
         .unwrap();

@@ -4,6 +4,8 @@ use super::{Bvh, corner_box};
 use if_core::aabb::Aabb;
 use if_core::math::{Point, Real};
 use rayon::prelude::*;
+use std::ops::ControlFlow;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 /// Pairs of nodes from which the search goes on in parallel.
 const TASKS: usize = 256;
@@ -38,10 +40,25 @@ impl Bvh {
         end: &Bvh,
         keep: impl Fn(MovingPair<'_>) -> Option<T> + Sync,
     ) -> Vec<T> {
+        let found = self.own_pairs_in_motion_until(end, |pair| ControlFlow::Continue(keep(pair)));
+        found.expect("nothing ends the search")
+    }
+
+    /// As [`own_pairs_in_motion`](Bvh::own_pairs_in_motion); `None` if `keep` breaks, which ends the search.
+    ///
+    /// # Panics
+    ///
+    /// If `end` is not this tree after a [`refit`](Bvh::refit).
+    pub fn own_pairs_in_motion_until<T: Send>(
+        &self,
+        end: &Bvh,
+        keep: impl Fn(MovingPair<'_>) -> ControlFlow<(), Option<T>> + Sync,
+    ) -> Option<Vec<T>> {
         assert!(self.order == end.order, "a tree of the same shape");
         if self.is_empty() {
-            return Vec::new();
+            return Some(Vec::new());
         }
+        let has_ended = AtomicBool::new(false);
         let search = Search::new(self, end);
         let mut front = vec![(0u32, 0u32)];
         while front.len() < TASKS {
@@ -64,14 +81,19 @@ impl Bvh {
             .map(|pair| {
                 let (mut found, mut stack) = (Vec::new(), vec![*pair]);
                 while let Some(pair) = stack.pop() {
-                    if !search.open(pair, &mut |pair| stack.push(pair)) {
-                        search.leaves(pair, &keep, &mut found);
+                    if has_ended.load(Ordering::Relaxed) {
+                        break;
+                    }
+                    if !search.open(pair, &mut |pair| stack.push(pair))
+                        && search.leaves(pair, &keep, &mut found).is_break()
+                    {
+                        has_ended.store(true, Ordering::Relaxed);
                     }
                 }
                 found
             })
             .collect();
-        parts.into_iter().flatten().collect()
+        (!has_ended.into_inner()).then(|| parts.into_iter().flatten().collect())
     }
 }
 
@@ -160,13 +182,13 @@ impl<'a> Search<'a> {
         true
     }
 
-    /// Visits the pairs of triangles of two leaves.
+    /// Visits the pairs of triangles of two leaves, until `keep` breaks.
     fn leaves<T>(
         &self,
         (a, b): (u32, u32),
-        keep: &impl Fn(MovingPair<'_>) -> Option<T>,
+        keep: &impl Fn(MovingPair<'_>) -> ControlFlow<(), Option<T>>,
         found: &mut Vec<T>,
-    ) {
+    ) -> ControlFlow<()> {
         let range = |n: u32| {
             let node = &self.start.nodes[n as usize];
             node.at as usize..(node.at + node.count) as usize
@@ -178,10 +200,11 @@ impl<'a> Search<'a> {
                         triangles: [i, j].map(|k| self.start.order[k]),
                         start: [i, j].map(|k| &self.start.corners[k]),
                         end: [i, j].map(|k| &self.end.corners[k]),
-                    }));
+                    })?);
                 }
             }
         }
+        ControlFlow::Continue(())
     }
 }
 

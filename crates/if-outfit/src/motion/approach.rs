@@ -1,10 +1,12 @@
 //! From a clean state towards another one, as near as contacts permit.
 
+use super::locality::Yielding;
 use super::walk::{WalkError, Walked, Walker};
 use if_core::math::{Point, Real};
 use if_core::monitor::Monitor;
 use if_mesh::point_tree::PointTree;
 use rayon::prelude::*;
+use std::ops::Range;
 
 /// Displacement of the body far from its own overlaps that [`Walker::approach`] takes over, in metres:
 /// less than counts as yielding, 1 mm, with 0.1 mm of layers that were moved apart at rest.
@@ -29,8 +31,9 @@ impl Walker {
     ///
     /// What is in the way of a step that cannot be made clean stays with what lies within 25 mm, while
     /// the rest goes on; and so do vertices of garments that would end farther from `to` than any was
-    /// at first, as beyond a fold that is entered on another side. If that does not help, the state is
-    /// that of the last clean step, or `from` if vertices end farther off.
+    /// at first, as beyond a fold that is entered on another side, and vertices of the body that would end
+    /// farther off than any vertex was, as where a contact has hardly a hold on them. If that does not help,
+    /// the state is that of the last clean step, or `from` if vertices end farther off.
     ///
     /// The walker's state ends free of intersections if `from` is so, at whatever share of the way:
     /// only what moves is verified, unless `from` has to be rounded first.
@@ -49,14 +52,21 @@ impl Walker {
         self.check(to)?;
         self.check(reference)?;
         let garments = self.scene.starts[1];
-        let squared = |v: usize, x: &[Point]| (to[v] - x[v]).norm_squared();
-        let farthest = (garments..to.len()).map(|v| squared(v, from)).fold(0.0, Real::max);
+        let yielding = self.yielding(reference);
+        let mut aim = to.to_vec();
+        hold(&mut aim[..garments], reference, &yielding);
+        let squared = |v: usize, x: &[Point]| (aim[v] - x[v]).norm_squared();
+        let farthest = |of: Range<usize>| of.map(|v| squared(v, from)).fold(0.0, Real::max);
+        let of_garments = farthest(garments..to.len());
+        let of_all = of_garments.max(farthest(0..garments));
         let mut stuck = Vec::new();
         let mut ways = 0;
         loop {
-            let walked = self.go(from, held_back(from, to, &stuck), reference, monitor)?;
-            let astray = (garments..to.len()).filter(|v| squared(*v, &self.clean.x) > farthest);
-            let astray: Vec<usize> = astray.collect();
+            let held = held_back(from, to, &stuck);
+            let walked = self.go(from, held, (reference, &yielding), monitor)?;
+            let most = |v: usize| if v < garments { of_all } else { of_garments };
+            let is_astray = |v: &usize| squared(*v, &self.clean.x) > most(*v);
+            let astray: Vec<usize> = (0..to.len()).filter(is_astray).collect();
             if walked.unresolved.is_empty() && astray.is_empty() {
                 return Ok(walked);
             }
@@ -80,15 +90,12 @@ impl Walker {
         &mut self,
         from: &[Point],
         mut to: Vec<Point>,
-        reference: &[Point],
+        (reference, yielding): (&[Point], &Yielding),
         monitor: &mut dyn Monitor,
     ) -> Result<Walked, WalkError> {
         self.restart(from.to_vec())?;
         self.clean.is_verified = self.clean.x == from;
-        let yielding = self.yielding(reference);
-        for v in (0..self.scene.starts[1]).filter(|v| yielding.inverse_mass[*v] == 0.0) {
-            to[v] = reference[v] + (to[v] - reference[v]).cap_magnitude(FAR);
-        }
+        hold(&mut to[..self.scene.starts[1]], reference, yielding);
         // What need not move stays to the bit, so that steps skip it.
         for (to, from) in to.iter_mut().zip(from) {
             if (*to - from).norm_squared() < STILL * STILL {
@@ -106,9 +113,18 @@ impl Walker {
         let path = |t: Real| {
             from.iter().zip(&to).map(|(a, b)| a + (b - a).cap_magnitude(t * largest)).collect()
         };
-        let walked = self.follow(steps, &path, Some(yielding), monitor);
+        let walked = self.follow(steps, &path, Some(yielding.clone()), monitor);
         self.params = params;
         walked
+    }
+}
+
+/// Takes vertices of the body that do not yield to 0.8 mm from `reference` at most.
+fn hold(body: &mut [Point], reference: &[Point], yielding: &Yielding) {
+    for ((to, reference), w) in body.iter_mut().zip(reference).zip(&yielding.inverse_mass) {
+        if *w == 0.0 {
+            *to = reference + (*to - reference).cap_magnitude(FAR);
+        }
     }
 }
 
@@ -133,8 +149,10 @@ mod tests {
     use super::super::WalkParams;
     use super::super::tests::outfit;
     use super::*;
+    use if_core::math::Vector;
+    use if_core::mesh::TriMesh;
     use if_core::monitor::Silent;
-    use if_core::shapes::meshes::tube;
+    use if_core::shapes::meshes::{icosphere, tube};
 
     /// A pipe with a sleeve 0.6 mm over it: half-way up the skin rises by 0.8 mm, and the end of the sleeve
     /// is to go out by 0.05 mm.
@@ -159,7 +177,8 @@ mod tests {
         }
         let far =
             |x: &[Point]| (garments..x.len()).map(|v| (x[v] - to[v]).norm()).fold(0.0, Real::max);
-        walker.go(&from, to.clone(), &from, &mut Silent).unwrap();
+        let yielding = walker.yielding(&from);
+        walker.go(&from, to.clone(), (&from, &yielding), &mut Silent).unwrap();
         assert!(far(walker.positions()) > 0.08e-3, "the skin pushes: {}", far(walker.positions()));
         walker.approach(&from, &to, &from, &mut Silent).unwrap();
         let now = walker.positions();
@@ -168,6 +187,52 @@ mod tests {
         for v in (garments..from.len()).filter(|v| from[*v].y < 0.1) {
             assert!((now[v] - to[v]).norm() < 2e-6, "{} {}", from[v], (now[v] - to[v]).norm());
         }
+    }
+
+    /// A large triangle of the body yields at one corner alone, and a ball comes down beside the opposite edge: the
+    /// corner has fifty times as far to go.
+    #[test]
+    fn a_corner_of_the_body_that_is_thrown_out_goes_nowhere() {
+        let corner = Point::new(0.0, 0.0, 0.173);
+        let edge = [Point::new(-0.1, 0.0, 0.0), Point::new(0.1, 0.0, 0.0)];
+        let mut vertices = vec![corner, edge[0], edge[1], Point::new(0.0, -0.16, 0.06)];
+        let mut triangles = vec![[0, 2, 1], [0, 1, 3], [1, 2, 3], [2, 0, 3]];
+        // The body meets itself beside the corner, and yields there.
+        let balls = [
+            (Point::new(0.0, 5.6e-3, 3.5e-3), 5e-3),
+            (corner + Vector::z() * 3.2e-3, 2e-3),
+            (corner + Vector::z() * 4.2e-3, 2e-3),
+        ];
+        for (middle, radius) in balls {
+            let (first, ball) = (vertices.len() as u32, icosphere(radius, 3));
+            vertices.extend(ball.vertices().iter().map(|p| middle + p.coords));
+            triangles.extend(ball.triangles().iter().map(|t| t.map(|v| v + first)));
+        }
+        let body = TriMesh::new(vertices, triangles).unwrap();
+        let scene = outfit(body, vec![tube(0.5, 0.2, 16, 4, false)]);
+        let params = WalkParams { body_reach: 5e-3, ..WalkParams::default() };
+        let mut walker = Walker::new(&scene, params).unwrap();
+        let from = walker.rest().to_vec();
+        let mut to = from.clone();
+        to[4..4 + icosphere(5e-3, 3).vertices().len()].iter_mut().for_each(|p| p.y -= FAR);
+        let yielding = walker.yielding(&from);
+        assert!(
+            yielding.inverse_mass[..5]
+                .iter()
+                .map(|w| *w > 0.0)
+                .eq([true, false, false, false, false])
+        );
+        walker.go(&from, to.clone(), (&from, &yielding), &mut Silent).unwrap();
+        let thrown = (walker.positions()[0] - from[0]).norm();
+        assert!(
+            thrown > 5e-3 && walker.intersections(walker.positions()).unwrap().is_empty(),
+            "{thrown}"
+        );
+        walker.approach(&from, &to, &from, &mut Silent).unwrap();
+        let now = walker.positions();
+        let body = now[..walker.scene.starts[1]].iter().zip(&from);
+        let farthest = body.map(|(a, b)| (a - b).norm()).fold(0.0, Real::max);
+        assert!(farthest <= FAR + 1e-6, "{farthest}");
     }
 
     #[test]

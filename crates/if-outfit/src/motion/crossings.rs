@@ -7,7 +7,10 @@ use crate::outfit::{Outfit, OutfitError};
 use if_core::distance::way_between;
 use if_core::intersect::triangles;
 use if_core::math::{Point, Real, Vector, area_vector};
+use if_core::monitor::Cancelled;
 use if_mesh::index::{Bvh, MovingPair};
+use std::ops::ControlFlow;
+use std::sync::atomic::{AtomicUsize, Ordering};
 
 /// Times that an interval is halved before two triangles count as meeting in it: of two frames at 30
 /// a second 2 ns are left, in which a hand moves by 10 nm.
@@ -64,6 +67,24 @@ impl Crossings {
     ///
     /// [`WalkError::Target`].
     pub fn between(&self, from: &[Point], to: &[Point]) -> Result<Vec<Crossing>, WalkError> {
+        let found = self.between_at_most(from, to, usize::MAX, &|| false)?;
+        Ok(found.expect("no more than can be counted"))
+    }
+
+    /// As [`between`](Self::between), or `None` if there are more than `most`: where a body turns round
+    /// or jumps, all triangles may meet, and to find them takes minutes. `stops` is called often, and cancels
+    /// the search.
+    ///
+    /// # Errors
+    ///
+    /// [`WalkError::Target`], and [`WalkError::Cancelled`] if `stops` returns true.
+    pub fn between_at_most(
+        &self,
+        from: &[Point],
+        to: &[Point],
+        most: usize,
+        stops: &(dyn Fn() -> bool + Sync),
+    ) -> Result<Option<Vec<Crossing>>, WalkError> {
         let n = self.scene.mesh.vertices().len();
         check_positions(from, n)?;
         check_positions(to, n)?;
@@ -73,9 +94,24 @@ impl Crossings {
             tree
         };
         let (start, end) = rayon::join(|| tree(from), || tree(to));
-        let mut found = start.own_pairs_in_motion(&end, |pair| self.crossing(&pair));
-        found.sort_unstable_by_key(|c| c.triangles);
-        Ok(found)
+        let count = AtomicUsize::new(0);
+        let found = start.own_pairs_in_motion_until(&end, |pair| {
+            let crossing = self.crossing(&pair);
+            let is_one_more = crossing.is_some() && count.fetch_add(1, Ordering::Relaxed) >= most;
+            if is_one_more || stops() {
+                return ControlFlow::Break(());
+            }
+            ControlFlow::Continue(crossing)
+        });
+        match found {
+            // Whether there are more does not depend on which are found first.
+            None if stops() => Err(Cancelled.into()),
+            None => Ok(None),
+            Some(mut found) => {
+                found.sort_unstable_by_key(|c| c.triangles);
+                Ok(Some(found))
+            }
+        }
     }
 
     fn crossing(&self, pair: &MovingPair<'_>) -> Option<Crossing> {
@@ -186,6 +222,12 @@ mod tests {
         let same = crossings.between(&to, &to).unwrap();
         assert!(same.is_empty(), "{same:?}");
         assert!(crossings.between(&from, &to[1..]).is_err());
+        // More than are to be found, and a search that is cancelled.
+        let at_most = |most| crossings.between_at_most(&from, &to, most, &|| false).unwrap();
+        assert_eq!(at_most(found.len()), Some(found.clone()));
+        assert_eq!(at_most(found.len() - 1), None);
+        let stopped = crossings.between_at_most(&from, &to, usize::MAX, &|| true);
+        assert!(matches!(stopped, Err(WalkError::Cancelled(_))), "{stopped:?}");
     }
 
     #[test]

@@ -8,9 +8,14 @@
 //! ```
 //!
 //! Parts are connected: what does not intersect a closed layer lies on one side of it as a whole.
+//!
+//! What lies behind the nearest surface has a second opinion, as [`verify`](crate::verify()) has it at rest: the
+//! closed layer says so as well, and, where a garment does not meet the layer, of a neighbour too. States without
+//! such vertices close no layer.
 
 use super::scene::Scene;
 use super::tolerated::Tolerated;
+use crate::findings::alone;
 use if_core::closest::ClosestPoint;
 use if_core::math::{Point, Real};
 use if_core::mesh::TriMesh;
@@ -33,9 +38,10 @@ pub struct Proof {
     /// Vertices on the wrong side of a layer below, once for each layer, by the nearest point of its
     /// surface. A vertex whose nearest point lies on a boundary has no side; nor has one that is 6 cm
     /// from the surface where its part of the garment comes nearer. Vertices of no triangle do not count,
-    /// nor do those over a garment that lie in the open, or outside of what closes it over the body as in
-    /// [`verify`](crate::verify()): under a folded collar, or beside a waist that is folded over, the nearest
-    /// surface faces the wrong way.
+    /// nor do those that lie outside of the closed layer as in [`verify`](crate::verify()), those over a garment
+    /// that lie in the open, or those that are the only ones of their triangles inside while nothing intersects:
+    /// under a folded collar, beside a waist that is folded over, or at an ear or a toe the nearest surface faces
+    /// the wrong way.
     pub inside: usize,
     /// For each layer, the body first, its intersecting triangle pairs with itself.
     pub own_pairs: Vec<usize>,
@@ -76,6 +82,8 @@ pub(super) fn prove(scene: &Scene, positions: &[Point], tolerated: &Tolerated) -
         pairs: vec![Vec::new(); garments],
         inside: vec![0; garments],
     });
+    // Whether a layer meets one above it.
+    let mut meet = vec![vec![false; layers.len()]; layers.len()];
     for (k, (mesh, tree)) in layers.iter().enumerate() {
         let first = scene.triangle_starts[k] as u32;
         let own: Vec<[u32; 2]> =
@@ -86,6 +94,7 @@ pub(super) fn prove(scene: &Scene, positions: &[Point], tolerated: &Tolerated) -
         }
         for (j, (_, below)) in layers[..k].iter().enumerate() {
             let found = pairs(below, tree);
+            meet[j][k] = !found.is_empty();
             proof.pairs += found.len();
             if let (0, Some(pinched)) = (j, &mut proof.pinched) {
                 let there = found.iter().filter(|p| tolerated.is_pinched(p.a));
@@ -103,6 +112,26 @@ pub(super) fn prove(scene: &Scene, positions: &[Point], tolerated: &Tolerated) -
             continue;
         };
         let mut found = behind(scene, positions, below, &field);
+        if found.is_empty() {
+            continue;
+        }
+        let skin = &layers[0].0;
+        let body = body.get_or_insert_with(|| ClosedLayer::body(skin));
+        if below == 0 {
+            found = within(body, found, positions);
+        } else {
+            let exposure = Exposure::in_pose(mesh, tree, body);
+            found =
+                found.into_par_iter().filter(|v| !exposure.is_exposed(&positions[*v])).collect();
+            if !found.is_empty() {
+                found = within(&ClosedLayer::garment(mesh, body, skin), found, positions);
+            }
+        }
+        for above in (below + 1..scene.layers()).filter(|above| !meet[below][*above]) {
+            let triangles = scene.triangle_starts[above]..scene.triangle_starts[above + 1];
+            let alone = alone(&scene.mesh.triangles()[triangles], &found);
+            found.retain(|v| !alone.contains(v));
+        }
         if let (0, Some(pinched)) = (below, &mut proof.pinched) {
             // Where the body passes itself, the nearest skin is that of a pinch.
             for v in found {
@@ -116,21 +145,15 @@ pub(super) fn prove(scene: &Scene, positions: &[Point], tolerated: &Tolerated) -
             }
             continue;
         }
-        if below > 0 && !found.is_empty() {
-            let skin = &layers[0].0;
-            let body = body.get_or_insert_with(|| ClosedLayer::body(skin));
-            let exposure = Exposure::in_pose(mesh, tree, body);
-            found =
-                found.into_par_iter().filter(|v| !exposure.is_exposed(&positions[*v])).collect();
-            if !found.is_empty() {
-                let layer = ClosedLayer::garment(mesh, body, skin);
-                let is_inside = |p: &Point| layer.sided(p, 0.0).is_some_and(|s| s.distance < 0.0);
-                found.retain(|v| is_inside(&positions[*v]));
-            }
-        }
         proof.inside += found.len();
     }
     proof
+}
+
+/// Those of some vertices that a closed layer has inside.
+fn within(layer: &ClosedLayer, vertices: Vec<usize>, positions: &[Point]) -> Vec<usize> {
+    let is_inside = |v: &usize| layer.sided(&positions[*v], 0.0).is_some_and(|s| s.distance < 0.0);
+    vertices.into_par_iter().filter(is_inside).collect()
 }
 
 /// The vertices above layer `below` that lie behind its surface, which `field` holds; ascending.

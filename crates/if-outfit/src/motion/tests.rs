@@ -5,6 +5,7 @@ use if_core::math::{Point, Real, Vector};
 use if_core::mesh::TriMesh;
 use if_core::monitor::{Cancelled, Monitor, Progress, Silent};
 use if_core::shapes::meshes::{icosphere, tube};
+use if_mesh::sdf::MeshSdf;
 use if_mesh::solid::ClosedLayer;
 use nalgebra::Rotation3;
 
@@ -198,6 +199,44 @@ fn parts_hidden_in_the_body_hide_no_vertices() {
     let outfit = outfit(body, vec![belt]);
     let walker = Walker::new(&outfit, WalkParams::default()).unwrap();
     assert_eq!(walker.prove(walker.rest()).unwrap().inside, count);
+}
+
+#[test]
+fn the_rest_state_is_as_clean_as_it_is_judged_alone() {
+    // A vertex is drawn past its neighbours: the triangle that is folded over lies on the skin, and faces inwards.
+    let ball = icosphere(0.15, 3);
+    let mut vertices = ball.vertices().to_vec();
+    let top = Point::new(0.0, 0.15, 0.0);
+    let nearest = |p: &Point| {
+        let far = |v: &usize| (ball.vertices()[*v] - p).norm();
+        (0..vertices.len()).min_by(|a, b| far(a).total_cmp(&far(b))).unwrap()
+    };
+    let first = nearest(&top);
+    let edge = ball.mean_edge();
+    let turned = Rotation3::from_axis_angle(&Vector::z_axis(), -1.8 * edge / 0.15);
+    vertices[first] = turned * vertices[first] * 1.01;
+    let body = ball.with_vertices(vertices).unwrap();
+    // A piece of cloth 2 mm above.
+    let cloth = icosphere(0.1535, 5);
+    let is_near =
+        |t: &[u32; 3]| t.iter().all(|v| (cloth.vertices()[*v as usize] - top).norm() < 0.04);
+    let kept = cloth.triangles().iter().filter(|t| is_near(t)).copied().collect();
+    let cloth = TriMesh::new(cloth.vertices().to_vec(), kept).unwrap();
+    let field = MeshSdf::open(&body, Real::INFINITY).unwrap();
+    let used = cloth.vertices().iter().zip(cloth.used_vertices()).filter(|(_, is_used)| *is_used);
+    let behind =
+        used.filter(|(p, _)| field.signed_within(p, 0.06).is_some_and(|s| s.distance < 0.0));
+    assert!(behind.count() > 3, "the nearest triangle faces away from some");
+    let outfit = outfit(body, vec![cloth]);
+    let walker = Walker::new(&outfit, WalkParams::default()).unwrap();
+    assert_eq!(judged(&walker, &outfit, walker.rest()), (0, 0));
+    let proof = walker.prove(walker.rest()).unwrap();
+    assert_eq!((proof.pairs, proof.inside), (0, 0), "{proof:?}");
+    // What lies 5 mm deep is found as before.
+    let n = outfit.body.mesh.vertices().len();
+    let mut x = walker.rest().to_vec();
+    x[n..].iter_mut().for_each(|p| *p *= 0.145 / 0.1535);
+    assert!(walker.prove(&x).unwrap().inside > 100);
 }
 
 /// A body, a shirt that turns outwards and down at its top, 1 m up, and a tube over it.

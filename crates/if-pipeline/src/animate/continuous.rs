@@ -2,14 +2,22 @@
 
 use super::error::AnimateError;
 use super::frames::Frames;
+use super::work::counted;
+use super::workers::{Ticket, each};
 use if_core::math::Real;
-use if_core::monitor::{Monitor, Progress};
+use if_core::monitor::Monitor;
 use if_outfit::Outfit;
 use if_outfit::motion::{Crossing, Crossings, WalkError};
 use serde::{Deserialize, Serialize};
+use std::ops::Range;
+use std::sync::atomic::Ordering;
+use std::sync::{Mutex, PoisonError};
 
 /// Crossings of an interval that are named.
 const NAMED: usize = 8;
+/// Most crossings of an interval that are searched for. A fast limb has hundreds; where a body turns round within an
+/// interval all triangles meet, and to find 300,000 of them takes a minute.
+const MOST: usize = 10_000;
 
 /// What passes through what from one frame to the next, if all vertices move in straight lines.
 #[derive(Clone, Debug, PartialEq, Default, Serialize, Deserialize)]
@@ -23,6 +31,9 @@ pub struct IntervalReport {
     pub own_crossings: usize,
     /// The first in time, those of two layers before others.
     pub first: Vec<NamedCrossing>,
+    /// The search ended at so many crossings of both kinds: there are more, and none of them is counted or named.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub more_than: Option<usize>,
 }
 
 /// Two triangles that meet between two frames.
@@ -55,17 +66,19 @@ impl IntervalReport {
             crossings,
             own_crossings,
             first: found.iter().take(NAMED).map(named).collect(),
+            more_than: None,
         }
     }
 
     /// Nothing passes through anything.
     pub fn is_clean(&self) -> bool {
-        self.crossings == 0 && self.own_crossings == 0
+        self.crossings == 0 && self.own_crossings == 0 && self.more_than.is_none()
     }
 }
 
 /// Examines the ways from each frame to the next as they are stored: an interval less than there are
-/// frames. `monitor` receives the stage `"between frames"`.
+/// frames. Of an interval with more than 10,000 crossings it is only said that there are more. `monitor` receives
+/// the stage `"between frames"`, and cancels within an interval as well.
 ///
 /// # Errors
 ///
@@ -77,18 +90,24 @@ pub fn between_frames(
 ) -> Result<Vec<IntervalReport>, AnimateError> {
     let search = Crossings::new(outfit).map_err(WalkError::from)?;
     let total = frames.len().saturating_sub(1);
-    let mut found = Vec::with_capacity(total);
-    let mut last = None;
-    for frame in 0..total {
-        monitor.report(&Progress {
-            done: frame,
-            total: Some(total),
-            ..Progress::stage("between frames")
-        })?;
-        let from = last.take().map_or_else(|| frames.positions(frame), Ok)?;
-        let to = frames.positions(frame + 1)?;
-        found.push(IntervalReport::new(frame, search.between(&from, &to)?, outfit));
-        last = Some(to);
-    }
-    Ok(found)
+    let found = Mutex::new(Vec::with_capacity(total));
+    // One job, whose searches are parallel; it is stopped within an interval as well.
+    let examine = |intervals: Range<usize>, ticket: &mut Ticket<'_>| {
+        let mut last = None;
+        for frame in intervals {
+            let from = last.take().map_or_else(|| frames.positions(frame), Ok)?;
+            let to = frames.positions(frame + 1)?;
+            let stops = || ticket.stops().load(Ordering::Relaxed);
+            let report = match search.between_at_most(&from, &to, MOST, &stops)? {
+                Some(found) => IntervalReport::new(frame, found, outfit),
+                None => IntervalReport { frame, more_than: Some(MOST), ..Default::default() },
+            };
+            found.lock().unwrap_or_else(PoisonError::into_inner).push(report);
+            last = Some(to);
+            ticket.frame_is_done()?;
+        }
+        Ok(())
+    };
+    each((vec![0..total], 1), examine, &mut counted(monitor, "between frames", (0, total)))?;
+    Ok(found.into_inner().unwrap_or_else(PoisonError::into_inner))
 }

@@ -196,7 +196,7 @@ impl<'a> Work<'a> {
 }
 
 /// Reports how many frames of a stage are done, of which there were some before, and how long the others take.
-fn counted(
+pub(super) fn counted(
     monitor: &mut dyn Monitor,
     stage: &'static str,
     (before, total): (usize, usize),

@@ -31,6 +31,13 @@ impl Ticket<'_> {
     }
 }
 
+impl<'a> Ticket<'a> {
+    /// Set when the work is to end.
+    pub(super) fn stops(&self) -> &'a AtomicBool {
+        self.stops
+    }
+}
+
 impl Monitor for Ticket<'_> {
     fn report(&mut self, _: &Progress<'_>) -> Result<(), Cancelled> {
         if self.stops.load(Ordering::Relaxed) { Err(Cancelled) } else { Ok(()) }
