@@ -5,12 +5,12 @@ use super::frames::Frames;
 use super::local::PoseMaps;
 use super::movement::Movement;
 use super::report::FrameReport;
+use super::windows::Windows;
 use if_core::math::{Point, Real, Vector};
 use if_core::monitor::Silent;
 use if_core::nalgebra::Vector3;
 use if_outfit::motion::Walker;
 use std::collections::BTreeMap;
-use std::ops::Range;
 
 /// Correction of a frame, in metres, below which it stays as it is: a hundredth of the jitter that
 /// can be seen. Ten times more leaves steps between frames that stay and frames that do not.
@@ -31,13 +31,13 @@ const SHARPNESS: i32 = 8;
 ///
 /// The maximum is that of lengths, and smooth. So a frame in which layers come to meet is not the
 /// first one that moves: those before it have made way. Frames whose pose was not reached have no
-/// weight. Means depend on the walked frames of a window alone, and frames on the means of one, so that the
-/// bits do not depend on where a run was interrupted.
+/// weight, and a window ends at cuts. Means depend on the walked frames of a window alone, and frames on the
+/// means of one, so that the bits do not depend on where a run was interrupted.
 #[derive(Debug)]
 pub(super) struct Smoother<'a> {
     movement: Movement<'a>,
     walker: Walker,
-    radius: usize,
+    windows: Windows<'a>,
     /// Displacements u of walked frames; none of one whose pose was not reached.
     walked: BTreeMap<usize, Option<Vec<Local>>>,
     /// Frames that went to the mean of their neighbours.
@@ -63,8 +63,8 @@ struct Mean {
 
 impl<'a> Smoother<'a> {
     /// `walker` is of this outfit.
-    pub(super) fn new(movement: Movement<'a>, walker: Walker, radius: usize) -> Self {
-        Self { movement, walker, radius, walked: BTreeMap::new(), means: BTreeMap::new() }
+    pub(super) fn new(movement: Movement<'a>, walker: Walker, windows: Windows<'a>) -> Self {
+        Self { movement, walker, windows, walked: BTreeMap::new(), means: BTreeMap::new() }
     }
 
     /// The positions of frame `k`, the smoothest first, then others for want of a clean one; none if
@@ -74,10 +74,10 @@ impl<'a> Smoother<'a> {
         k: usize,
         [walked, means]: [&Frames; 2],
     ) -> Result<Vec<Vec<Point>>, AnimateError> {
-        if self.radius == 0 {
+        if self.windows.radius == 0 {
             return Ok(Vec::new());
         }
-        let window = window(self.movement, k, self.radius);
+        let window = self.windows.of(k);
         self.means.retain(|frame, _| *frame >= window.start);
         for frame in window {
             if !self.means.contains_key(&frame) {
@@ -140,7 +140,7 @@ impl<'a> Smoother<'a> {
 
     /// Reads the walked frames around `k`, and forgets those before.
     fn read_window(&mut self, k: usize, walked: &Frames) -> Result<(), AnimateError> {
-        let window = window(self.movement, k, self.radius);
+        let window = self.windows.of(k);
         self.walked.retain(|frame, _| *frame >= window.start);
         for frame in window {
             if !self.walked.contains_key(&frame) {
@@ -174,7 +174,7 @@ impl<'a> Smoother<'a> {
     }
 
     fn weight(&self, k: usize, frame: usize) -> Real {
-        1.0 - frame.abs_diff(k) as Real / (self.radius + 1) as Real
+        1.0 - frame.abs_diff(k) as Real / (self.windows.radius + 1) as Real
     }
 
     /// Mean displacement ū of the window around frame `k`; none if its own pose was not reached.
@@ -182,7 +182,7 @@ impl<'a> Smoother<'a> {
         self.walked.get(&k)?.as_ref()?;
         let mut sum = vec![Vector::zeros(); self.walker.rest().len()];
         let mut whole = 0.0;
-        for (frame, local) in self.walked.range(window(self.movement, k, self.radius)) {
+        for (frame, local) in self.walked.range(self.windows.of(k)) {
             let Some(local) = local else { continue };
             let weight = self.weight(k, *frame);
             whole += weight;
@@ -196,7 +196,7 @@ impl<'a> Smoother<'a> {
     /// The mean of frame `k`, and the most of what contacts add to it and to those of its neighbours.
     fn prepared(&self, k: usize, mean: &Mean) -> Vec<Vector> {
         let mut sums = vec![(Vector::zeros(), 0.0); mean.local.len()];
-        for (frame, other) in self.means.range(window(self.movement, k, self.radius)) {
+        for (frame, other) in self.means.range(self.windows.of(k)) {
             let Some(other) = other else { continue };
             let weight = self.weight(k, *frame);
             for ((sum, whole), added) in sums.iter_mut().zip(&other.added) {
@@ -219,11 +219,6 @@ impl<'a> Smoother<'a> {
         let target = maps.posed(self.walker.rest());
         Ok((maps, target))
     }
-}
-
-/// The frames that are at most `radius` from frame `k`.
-pub(super) fn window(movement: Movement<'_>, k: usize, radius: usize) -> Range<usize> {
-    k.saturating_sub(radius)..movement.frames().min(k + radius + 1)
 }
 
 /// Displacements in single precision.
