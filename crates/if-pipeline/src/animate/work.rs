@@ -101,7 +101,8 @@ impl<'a> Work<'a> {
 
     /// The frames over which displacements are smoothed.
     fn windows(&self) -> Windows<'_> {
-        Windows { shots: self.animator.shots(), radius: self.radius }
+        let (shots, body_limit) = (self.animator.shots(), self.params.body_limit);
+        Windows { shots, radius: self.radius, body_limit }
     }
 
     /// The frames after cuts.
