@@ -195,6 +195,7 @@ pub(crate) fn animated(spec: &OutfitSpec, args: &Options) -> Result<End, Report>
     // What is said about frames is said of their numbers in the motion.
     let number = |frame| args.source.number(frame);
     animation.report.frames.iter_mut().for_each(|row| row.frame = number(row.frame));
+    animation.report.cuts.iter_mut().for_each(|frame| *frame = number(*frame));
     line.message("writing");
     let mut names = planned.caches.clone();
     let mut rounded = Vec::new();

@@ -2,7 +2,7 @@
 //!
 //! [`animate()`] takes a clean [`SkinnedOutfit`] and a [`Motion`] through all frames; [`follow()`] does
 //! so for any [`Movement`], such as that of a body which is given in every frame. A run of frames begins
-//! from the rest pose, each later one from the last clean state, carried by the skinning
+//! from the rest pose, as does a frame after a cut, each later one from the last clean state, carried by the skinning
 //! ([`if_outfit::motion`]). A second pass smooths displacements over time, across runs too, and verifies
 //! each frame exactly. Runs, and frames of the second pass, are computed side by side, on threads or, by
 //! [`follow_part()`], on machines. All goes to a folder as it is done, so that what was stopped goes on
@@ -22,9 +22,11 @@ mod moving_outfit;
 mod outfit;
 mod parts;
 mod report;
+mod shots;
 mod smoother;
 #[cfg(test)]
 mod tests;
+mod windows;
 mod work;
 mod workers;
 
@@ -100,12 +102,12 @@ pub fn follow(
     let work = Work::open(movement, params, folder)?;
     let new = work.frames(0..movement.frames(), monitor)?;
     let working = start.elapsed().as_secs_f64();
-    let rows = work.rows(monitor)?;
+    let (rows, cuts) = (work.rows(monitor)?, work.cuts());
     let frames = work.finished(rows)?;
     let kept = frames.len() - new;
     let seconds = (working / new.max(1) as f64, start.elapsed().as_secs_f64());
     let report = AnimationReport::new(frames.rows(), movement.frames_per_second(), kept, seconds);
-    Ok(Animation { report, frames })
+    Ok(Animation { report: AnimationReport { cuts, ..report }, frames })
 }
 
 /// The frames `part` of a movement alone, in `folder`: what one of several machines does of a long motion.

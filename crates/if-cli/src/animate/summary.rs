@@ -8,6 +8,8 @@ use std::path::Path;
 
 /// Rows shown of frames that are clean, evenly spaced; those that are not are all shown.
 const SHOWN: usize = 24;
+/// Jumps of the motion that are named.
+const SHOWN_CUTS: usize = 8;
 
 /// The columns of the table.
 pub(super) const HEADER: [&str; 12] = [
@@ -58,8 +60,9 @@ pub(super) fn text(
     let way = between.map_or(String::new(), |(_, s)| format!(", {s:.1} s for the ways between"));
     let between = between.map_or(String::new(), |(between, _)| between_text(between));
     let (pinches, let_go, noticed) = (pinches(frames), let_go(frames), noticed(&notes));
+    let cuts = cuts(&report.cuts);
     format!(
-        "{rows}\n\n{pinches}{let_go}{between}{noticed}{}: {} clean, {} clean everywhere; body at most {:.1} mm, {:.0} mm from its overlaps, jitter p99 {:.2} mm, \
+        "{rows}\n\n{pinches}{let_go}{between}{cuts}{noticed}{}: {} clean, {} clean everywhere; body at most {:.1} mm, {:.0} mm from its overlaps, jitter p99 {:.2} mm, \
          at most {:.1} mm, shake p99 {:.2} mm; {:.2} s a frame, {:.1} s in all{way}{kept}\nWrote {}: {}\n",
         counted(frames.len(), "frame"),
         count(report.clean),
@@ -114,6 +117,18 @@ fn let_go(frames: &[FrameReport]) -> String {
          `--strict` refuses such pairs.\n\n",
         count(found().count()),
         count(frames.len()),
+    )
+}
+
+/// Where the motion jumps; empty if it does not.
+fn cuts(cuts: &[usize]) -> String {
+    if cuts.is_empty() {
+        return String::new();
+    }
+    let shown = cuts.iter().take(SHOWN_CUTS).map(usize::to_string).collect::<Vec<_>>().join(", ");
+    let more = if cuts.len() > SHOWN_CUTS { " and others" } else { "" };
+    format!(
+        "The motion jumps before frame {shown}{more}: it begins anew from the rest pose there, and nothing is smoothed across.\n"
     )
 }
 
@@ -236,6 +251,21 @@ mod tests {
         assert!(lines[1].ends_with("no upright person; frame 12 stands for it."), "{text}");
         assert!(lines[2].contains("250 mm from the skin") && lines.len() == 3, "{text}");
         assert_eq!(noticed(&notes(None, None)).lines().count(), 1);
+    }
+
+    #[test]
+    fn jumps_and_searches_that_ended_are_named() {
+        assert_eq!(cuts(&[]), "");
+        let text = cuts(&[6, 40]);
+        assert!(text.starts_with("The motion jumps before frame 6, 40: ") && text.ends_with(".\n"));
+        assert!(cuts(&[1; 9]).contains("1, 1 and others: "), "{}", cuts(&[1; 9]));
+        let mut row = IntervalReport::default();
+        row.more_than = Some(10_000);
+        assert_eq!(between_cells(&row), ["0", "more than 10,000 in all", "", ""]);
+        let line = between_line(&[IntervalReport::default(), row]);
+        assert!(
+            line.contains("in 0 of 2 intervals") && line.contains("In 1 interval more than 10,000")
+        );
     }
 
     #[test]

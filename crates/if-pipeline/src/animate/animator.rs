@@ -4,6 +4,7 @@ use super::error::AnimateError;
 use super::movement::{DISPLACED, Movement, Place};
 use super::parts::Runs;
 use super::report::FrameReport;
+use super::shots::Shots;
 use if_core::math::{Point, Real};
 use if_core::monitor::Monitor;
 use if_core::parameter::ParameterError;
@@ -97,6 +98,7 @@ pub struct Animator<'a> {
     /// The clean outfit, before layers were moved apart.
     rest: Vec<Point>,
     walker: Walker,
+    shots: Shots,
     runs: Runs,
     /// Where the walker's target is.
     pub(super) place: Place,
@@ -113,15 +115,21 @@ impl<'a> Animator<'a> {
     pub fn new(movement: Movement<'a>, params: AnimateParams) -> Result<Self, AnimateError> {
         params.validate()?;
         movement.check()?;
-        let walker = Walker::new(movement.outfit(), params.walk)?.stored_as(movement.storage()?);
+        let (storage, shots) = movement.survey()?;
+        let walker = Walker::new(movement.outfit(), params.walk)?.stored_as(storage);
         let (rest, place) = (movement.positions(), movement.rest());
-        let runs = Runs::new(movement.frames(), params.run);
-        Ok(Self { movement, params, rest, walker, runs, place, frame: 0 })
+        let runs = Runs::new(&shots, params.run);
+        Ok(Self { movement, params, rest, walker, shots, runs, place, frame: 0 })
     }
 
     /// The runs of its frames.
-    pub(super) fn runs(&self) -> Runs {
-        self.runs
+    pub(super) fn runs(&self) -> &Runs {
+        &self.runs
+    }
+
+    /// The frames between cuts.
+    pub(super) fn shots(&self) -> &Shots {
+        &self.shots
     }
 
     /// Goes on with the first frame of a run.

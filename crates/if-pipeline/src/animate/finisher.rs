@@ -7,6 +7,7 @@ use super::measure::Measurer;
 use super::movement::Movement;
 use super::report::FrameReport;
 use super::smoother::Smoother;
+use super::windows::Windows;
 use if_core::math::{Point, Real};
 use if_outfit::motion::Walker;
 use std::time::Instant;
@@ -26,9 +27,10 @@ impl<'a> Finisher<'a> {
     pub(super) fn new(
         movement: Movement<'a>,
         walker: Walker,
-        (radius, depth): (usize, Real),
+        windows: Windows<'a>,
+        depth: Real,
     ) -> Self {
-        let smoother = Smoother::new(movement, walker.clone(), radius);
+        let smoother = Smoother::new(movement, walker.clone(), windows);
         Self { walker, smoother, measurer: Measurer::new(movement), depth }
     }
 

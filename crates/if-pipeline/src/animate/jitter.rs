@@ -7,10 +7,10 @@ use super::report::{FrameReport, Spread};
 use if_core::math::{Point, Vector};
 
 /// The rows of `frames`, which follow one another, with their [`jitter`](FrameReport::jitter) and
-/// [`shake`](FrameReport::shake). `rest` is the clean outfit, before layers were moved apart.
+/// [`shake`](FrameReport::shake), counted anew from each of `cuts`. `rest` is the clean outfit, before layers
+/// were moved apart.
 pub(super) fn with_jitter(
-    movement: Movement<'_>,
-    rest: &[Point],
+    (movement, rest, cuts): (Movement<'_>, &[Point], &[usize]),
     stored: &Frames,
     frames: &[usize],
     mut each: impl FnMut(FrameReport) -> Result<(), AnimateError>,
@@ -21,6 +21,9 @@ pub(super) fn with_jitter(
     // Local displacements of the garments in the two frames before, the last one first.
     let mut last: [Option<Vec<Vector>>; 2] = [None, None];
     for frame in before.chain(frames.iter().copied()) {
+        if cuts.binary_search(&frame).is_ok() {
+            last = [None, None];
+        }
         let (mut row, positions) = stored.written(frame)?;
         let maps = movement.maps(frame)?;
         let local = maps.local(&maps.posed(rest), &positions).split_off(body);

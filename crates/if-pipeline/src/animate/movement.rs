@@ -4,6 +4,7 @@ use super::bound::BoundOutfit;
 use super::error::AnimateError;
 use super::local::PoseMaps;
 use super::outfit::SkinnedOutfit;
+use super::shots::{Shots, way};
 use if_body::{Motion, Pose, is_rate};
 use if_core::closest::ClosestPoint;
 use if_core::math::{Point, Real, Vector};
@@ -114,19 +115,22 @@ impl<'a> Movement<'a> {
         self.outfit().layers().flat_map(|layer| layer.mesh.vertices()).copied().collect()
     }
 
-    /// How frames are stored: differences of two frames are exact in single precision.
+    /// How frames are stored, so that differences of two frames are exact in single precision, and the frames
+    /// between cuts.
     ///
     /// # Errors
     ///
     /// A frame that lies too far from the origin, or cannot be read any more.
-    pub(super) fn storage(&self) -> Result<Storage, AnimateError> {
+    pub(super) fn survey(&self) -> Result<(Storage, Shots), AnimateError> {
         let rest = self.positions();
+        let skin = self.outfit().body.mesh.vertices().len();
         let is_used: Vec<bool> =
             self.outfit().layers().flat_map(|layer| layer.mesh.used_vertices()).collect();
         let (mut low, mut high) =
             (Point::from([Real::INFINITY; 3]), Point::from([-Real::INFINITY; 3]));
+        let (mut last, mut ways) = (Vec::new(), Vec::new());
         for frame in 0..self.frames() {
-            let points = match self.0 {
+            let mut points = match self.0 {
                 Kind::Poses(..) => self.posed(frame, &rest)?,
                 // The maps of garments take long, and keep them as near to the body as they are.
                 Kind::Bodies(bound) => bound.frame(frame)?,
@@ -138,13 +142,22 @@ impl<'a> Movement<'a> {
             if distance > FARTHEST {
                 return Err(AnimateError::Far { frame, distance });
             }
+            points.truncate(skin);
+            if frame > 0 {
+                let moved = points.iter().zip(&last).zip(&is_used).filter(|(_, is_used)| **is_used);
+                ways.push(way(moved
+                    .map(|((a, b), _): ((&Point, &Point), _)| (a - b).norm())
+                    .collect()));
+            }
+            last = points;
         }
+        let shots = Shots::new(self.frames(), &ways, 1.0 / self.frames_per_second());
         let beyond = match self.0 {
             Kind::Poses(..) => 0.0,
             Kind::Bodies(bound) => farthest_from_body(bound.outfit()),
         };
         let reach = Vector::repeat(DISPLACED + beyond);
-        Ok(Storage::with_exact_differences(&(low - reach), &(high + reach)))
+        Ok((Storage::with_exact_differences(&(low - reach), &(high + reach)), shots))
     }
 
     /// Refuses poses of another skeleton, numbers that are not finite, a rate that is none, and vertices

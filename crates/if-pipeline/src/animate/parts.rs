@@ -1,28 +1,22 @@
 //! Which frames follow one another, and which are computed side by side.
 
+use super::shots::Shots;
 use std::ops::Range;
 
 /// The runs of frames of a motion: the first frame of each is reached from the rest pose, the others
 /// from the one before.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Runs {
-    frames: usize,
-    count: usize,
-}
+#[derive(Clone, Debug)]
+pub(super) struct Runs(Vec<Range<usize>>);
 
 impl Runs {
-    /// As few runs as have at most `most` frames each, as equal as they can be.
-    pub(super) fn new(frames: usize, most: usize) -> Self {
-        Self { frames, count: frames.div_ceil(most.max(1)) }
+    /// Of each shot as few runs as have at most `most` frames each, as equal as they can be.
+    pub(super) fn new(shots: &Shots, most: usize) -> Self {
+        Self(shots.all().flat_map(|shot| divided(shot, most)).collect())
     }
 
     /// All of them.
-    pub(super) fn all(self) -> impl Iterator<Item = Range<usize>> {
-        let bound = move |run: usize| {
-            // A product of two counts of what is in memory or on disk.
-            (run as u128 * self.frames as u128 / self.count as u128) as usize
-        };
-        (0..self.count).map(move |run| bound(run)..bound(run + 1))
+    pub(super) fn all(&self) -> impl Iterator<Item = Range<usize>> {
+        self.0.iter().cloned()
     }
 
     /// The run of a frame.
@@ -30,9 +24,19 @@ impl Runs {
     /// # Panics
     ///
     /// If there are fewer frames.
-    pub(super) fn of(self, frame: usize) -> Range<usize> {
+    pub(super) fn of(&self, frame: usize) -> Range<usize> {
         self.all().find(|run| run.contains(&frame)).expect("a frame of the motion")
     }
+}
+
+/// As few equal parts of some frames as have at most `most` each.
+fn divided(frames: Range<usize>, most: usize) -> impl Iterator<Item = Range<usize>> {
+    let count = frames.len().div_ceil(most.max(1));
+    let bound = move |part: usize| {
+        // A product of two counts of what is in memory or on disk.
+        frames.start + (part as u128 * frames.len() as u128 / count as u128) as usize
+    };
+    (0..count).map(move |part| bound(part)..bound(part + 1))
 }
 
 /// Some ascending frames, in at most `count` parts of the same number of frames.
@@ -48,15 +52,19 @@ mod tests {
     #[test]
     fn runs_have_every_frame_once_and_are_as_equal_as_they_can_be() {
         for (frames, most) in [(0, 4), (1, 4), (4, 4), (5, 4), (84, 48), (97, 48), (10, 1)] {
-            let runs: Vec<_> = Runs::new(frames, most).all().collect();
+            let runs: Vec<_> = Runs::new(&Shots::new(frames, &[], 1.0), most).all().collect();
             let lengths: Vec<usize> = runs.iter().map(Range::len).collect();
             assert!(runs.iter().cloned().flatten().eq(0..frames));
             let [least, largest] = [lengths.iter().min(), lengths.iter().max()];
             assert!(largest.is_none_or(|l| *l <= most && l - least.unwrap() <= 1), "{lengths:?}");
             assert_eq!(runs.len(), frames.div_ceil(most));
         }
-        let runs = Runs::new(84, 48);
+        let runs = Runs::new(&Shots::new(84, &[], 1.0), 48);
         assert_eq!([0, 41, 42, 83].map(|k| runs.of(k)), [0..42, 0..42, 42..84, 42..84]);
+        // A cut before the sixth frame.
+        let ways: Vec<f64> = (0..83).map(|k| if k == 4 { 9.0 } else { 0.0 }).collect();
+        let runs = Runs::new(&Shots::new(84, &ways, 0.03), 48);
+        assert!(runs.all().eq([0..5, 5..44, 44..84]));
     }
 
     #[test]

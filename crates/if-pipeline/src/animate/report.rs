@@ -77,10 +77,10 @@ pub struct FrameReport {
     /// The same after skinning alone.
     pub strain_p99_skinned: Real,
     /// Change of the displacement of the garments' vertices since the frame before, in local frames;
-    /// zero in the first frame.
+    /// zero in the first frame, also after a cut.
     pub jitter: Spread,
     /// Change of that change, `|u_{f−2} − 2 u_{f−1} + u_f|`: what trembles, and not what follows the
-    /// motion evenly. Zero in the first two frames.
+    /// motion evenly. Zero in the first two frames, also after a cut.
     pub shake: Spread,
     /// What intersects the body in its pinches, counted here alone, if it is kept
     /// ([`AnimateParams::pinch`](super::AnimateParams::pinch)) or would have to yield by more than
@@ -125,6 +125,10 @@ pub struct AnimationReport {
     pub clean: usize,
     /// Frames that are clean everywhere.
     pub clean_everywhere: usize,
+    /// Frames before which the pose or the place of the body jumps. They are reached from the rest pose, and nothing
+    /// is smoothed across.
+    #[serde(default)]
+    pub cuts: Vec<usize>,
     /// Frames per second of the motion.
     pub frames_per_second: Real,
     /// Frames that an earlier run had done.
@@ -160,6 +164,7 @@ impl AnimationReport {
         Self {
             clean: frames.iter().filter(|f| f.is_clean()).count(),
             clean_everywhere: frames.iter().filter(|f| f.is_clean_everywhere()).count(),
+            cuts: Vec::new(),
             frames_per_second,
             kept,
             body_max: largest(|f| f.body.moved.max),

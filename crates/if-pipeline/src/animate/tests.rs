@@ -331,6 +331,60 @@ fn a_limb_that_jumps_through_cloth_between_clean_frames_is_found() {
 }
 
 #[test]
+fn a_body_that_turns_round_between_frames_is_not_examined_to_the_end() {
+    let outfit = outfit();
+    let turned = |angle: f64| {
+        let mut pose = Pose::rest(rig::skeleton().len());
+        pose.rotations[0] = UnitQuaternion::from_axis_angle(&Vector::y_axis(), angle);
+        pose
+    };
+    let motion = Motion::new(30.0, vec![turned(0.0), turned(std::f64::consts::PI)]);
+    let folder = tempfile::tempdir().unwrap();
+    let done =
+        animate(&outfit, &motion, &AnimateParams::default(), folder.path(), &mut Silent).unwrap();
+    assert_eq!((done.report.clean, &done.report.cuts[..]), (2, &[1][..]));
+    let found = between_frames(&outfit.outfit, &done.frames, &mut Silent).unwrap();
+    let [one] = &found[..] else { panic!("{found:?}") };
+    assert!(one.more_than == Some(10_000) && !one.is_clean() && one.first.is_empty(), "{one:?}");
+    let stop = &mut After("between frames", 0);
+    let stopped = between_frames(&outfit.outfit, &done.frames, stop);
+    assert!(matches!(stopped, Err(AnimateError::Cancelled(_))), "{stopped:?}");
+}
+
+#[test]
+fn a_cut_parts_a_motion() {
+    let outfit = outfit();
+    // The knee, then a step to the side with the knee high.
+    let mut whole = motion(6);
+    for pose in &mut whole.poses[3..] {
+        pose.root_translation.x += 0.6;
+        let thigh = rig::skeleton().names().position(|n| n == "left_thigh").unwrap();
+        pose.rotations[thigh] *= UnitQuaternion::from_axis_angle(&Vector::x_axis(), -0.5);
+    }
+    let run = |motion: &Motion| {
+        let folder = tempfile::tempdir().unwrap();
+        let params = AnimateParams::default();
+        let done = animate(&outfit, motion, &params, folder.path(), &mut Silent).unwrap();
+        let frames: Vec<_> =
+            (0..done.frames.len()).map(|k| done.frames.positions(k).unwrap()).collect();
+        (done.report, frames)
+    };
+    let (report, frames) = run(&whole);
+    assert_eq!((report.clean, &report.cuts[..]), (6, &[3][..]));
+    let restarted: Vec<bool> = report.frames.iter().map(|f| f.restarted).collect();
+    assert_eq!(restarted, [true, false, false, true, false, false]);
+    assert!(report.frames[2].jitter.max > 0.0 && report.frames[3].jitter.max == 0.0);
+    // Each part is as it is alone, but for rounding.
+    let [first, second] =
+        [0..3, 3..6].map(|part| run(&Motion::new(30.0, whole.poses[part].to_vec())));
+    assert!(first.0.cuts.is_empty() && second.0.cuts.is_empty());
+    for (k, (a, b)) in frames.iter().zip(first.1.iter().chain(&second.1)).enumerate() {
+        let far = a.iter().zip(b).map(|(a, b)| (a - b).norm()).fold(0.0, f64::max);
+        assert!(far < 1e-4, "frame {k}: {far}");
+    }
+}
+
+#[test]
 fn a_folder_in_which_another_keeps_frames_is_busy() {
     let (outfit, motion) = (outfit(), motion(2));
     let folder = tempfile::tempdir().unwrap();

@@ -9,7 +9,8 @@ use super::jitter::with_jitter;
 use super::movement::Movement;
 use super::parts::parts;
 use super::report::FrameReport;
-use super::smoother::{Smoother, window};
+use super::smoother::Smoother;
+use super::windows::Windows;
 use super::workers::{Ticket, each};
 use if_core::monitor::{Cancelled, Monitor, Progress};
 use std::ops::Range;
@@ -98,10 +99,20 @@ impl<'a> Work<'a> {
         rayon::current_num_threads().min(MOST_VERTICES / vertices.max(1)).max(1)
     }
 
+    /// The frames over which displacements are smoothed.
+    fn windows(&self) -> Windows<'_> {
+        let (shots, body_limit) = (self.animator.shots(), self.params.body_limit);
+        Windows { shots, radius: self.radius, body_limit }
+    }
+
+    /// The frames after cuts.
+    pub(super) fn cuts(&self) -> Vec<usize> {
+        self.animator.shots().cuts().to_vec()
+    }
+
     /// Some ascending frames and those around them over which displacements are smoothed.
     fn near(&self, frames: &[usize]) -> Vec<usize> {
-        let mut near: Vec<usize> =
-            frames.iter().flat_map(|k| window(self.movement, *k, self.radius)).collect();
+        let mut near: Vec<usize> = frames.iter().flat_map(|k| self.windows().of(*k)).collect();
         near.sort_unstable();
         near.dedup();
         near
@@ -144,7 +155,7 @@ impl<'a> Work<'a> {
     /// Moves some frames, ascending, to the means of their neighbours.
     fn average(&self, frames: &[usize], ticket: &mut Ticket<'_>) -> Result<(), AnimateError> {
         let walker = self.animator.walker().clone();
-        let mut smoother = Smoother::new(self.movement, walker, self.radius);
+        let mut smoother = Smoother::new(self.movement, walker, self.windows());
         for frame in frames {
             let (positions, row) = smoother.averaged(*frame, &self.walked)?;
             self.means.write(&positions, &row)?;
@@ -156,7 +167,8 @@ impl<'a> Work<'a> {
     /// Finishes some frames, ascending, that were walked to with all that they depend on.
     fn finish(&self, frames: &[usize], ticket: &mut Ticket<'_>) -> Result<(), AnimateError> {
         let walker = self.animator.walker().clone();
-        let mut finisher = Finisher::new(self.movement, walker, (self.radius, self.params.depth()));
+        let mut finisher =
+            Finisher::new(self.movement, walker, self.windows(), self.params.depth());
         for frame in frames {
             let (positions, row) = finisher.frame(*frame, [&self.walked, &self.means])?;
             self.finished.write(&positions, &row)?;
@@ -183,7 +195,8 @@ impl<'a> Work<'a> {
         let rest = self.movement.positions();
         let rows = Mutex::new(Vec::with_capacity(all.len()));
         let measure = |frames: &[usize], ticket: &mut Ticket<'_>| {
-            with_jitter(self.movement, &rest, &self.finished, frames, |row| {
+            let cuts = self.animator.shots().cuts();
+            with_jitter((self.movement, &rest, cuts), &self.finished, frames, |row| {
                 rows.lock().unwrap_or_else(PoisonError::into_inner).push(row);
                 Ok(ticket.frame_is_done()?)
             })
