@@ -64,6 +64,7 @@ fn kept_own_pairs(layer: &LayerReport) -> String {
         (KeptReason::NonManifold, "more than two triangles meet at an edge"),
         (KeptReason::Contour, "the sheets do not come apart"),
         (KeptReason::Layers, "they came back between the layers"),
+        (KeptReason::Strain, "the cloth would be torn out of shape"),
     ];
     let mut text = String::new();
     let (all, named) = (layer.own_pairs.after, layer.kept_own_pairs.len());

@@ -251,6 +251,10 @@ pub enum KeptReason {
     Contour,
     /// The pair was removed, and came back while the garment settled between its layers.
     Layers,
+    /// The sheets come apart only where the cloth is moved by more than
+    /// [`EffortParams::repair_influence`](crate::EffortParams::repair_influence) or strained by more than
+    /// [`EffortParams::ease_strain`](crate::EffortParams::ease_strain).
+    Strain,
 }
 
 /// How often each repair strategy changed something.
