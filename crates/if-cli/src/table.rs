@@ -292,8 +292,8 @@ fn least_distances(report: &ResolveReport) -> String {
     });
     let (least, share) = (fine_millimetres(least), 100.0 * share);
     let moved = report.moved_apart.map_or(String::new(), |apart| {
-        let (goal, moved) = (fine_millimetres(apart.goal), fine_millimetres(apart.moved));
-        format!("Layers were moved apart, to {goal} mm if there was room, by at most {moved} mm.\n")
+        let [goal, reached, moved] = [apart.goal, apart.reached, apart.moved].map(fine_millimetres);
+        format!("Layers were moved apart by at most {moved} mm: to {reached} mm of {goal} mm.\n")
     });
     format!(
         "{moved}Least distance of two layers: {least} mm, {share:.1} % of the clearance{own}.\n"

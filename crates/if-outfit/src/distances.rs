@@ -28,15 +28,15 @@ pub(crate) fn measure(outfit: &Outfit, closed: &[Arc<ClosedLayer>], found: &mut 
     });
 }
 
-/// Whether every two layers of `outfit` are at least `distance` metres apart. `closed` are its closed
-/// layers, all but the outermost.
-pub(crate) fn are_kept(outfit: &Outfit, closed: &[Arc<ClosedLayer>], distance: Real) -> bool {
+/// For every two layers of `outfit`, how much less than `distance` metres they are apart. `closed` are
+/// its closed layers, all but the outermost.
+pub(crate) fn lacking(outfit: &Outfit, closed: &[Arc<ClosedLayer>], distance: Real) -> Vec<Real> {
     with_trees(outfit, closed, |trees| {
-        let is_kept = |[inner, outer]: &[usize; 2]| {
+        let lacks = |[inner, outer]: &[usize; 2]| {
             let least = least_distance(trees[*inner], trees[*outer]);
-            least.is_none_or(|least| least.distance >= distance)
+            least.map_or(0.0, |least| (distance - least.distance).max(0.0))
         };
-        below(trees.len()).par_iter().all(is_kept)
+        below(trees.len()).par_iter().map(lacks).collect()
     })
 }
 

@@ -4,6 +4,7 @@
 
 use crate::cleanness::Cleanness;
 use crate::findings::{Findings, LayerFindings};
+use crate::moving_apart::ENOUGH;
 use crate::obstacle::Obstacle;
 use crate::outfit::{Layer, Outfit};
 use if_core::intersect::Contact;
@@ -396,10 +397,13 @@ pub struct Algorithm1Report {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, Default)]
 #[non_exhaustive]
 pub struct MovedApart {
-    /// The distance that was the goal, in metres. `Verification::least_distance` of the result says
-    /// what was reached.
+    /// The distance that was the goal, in metres.
     pub goal: Real,
-    /// The largest motion of a vertex by it, in metres.
+    /// The distance that was reached: [`Verification::least_distance`] of the result, in metres. It is less
+    /// than the goal where there is no room.
+    #[serde(default)]
+    pub reached: Real,
+    /// The largest motion of a vertex by it, in metres; 0 if none could move.
     pub moved: Real,
 }
 
@@ -503,7 +507,8 @@ pub struct ResolveReport {
     /// than rounding parted them, and those that have opened.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub seams: Vec<SeamReport>,
-    /// How layers were moved apart ([`crate::GoalParams::least_distance`]); `None` if they were not.
+    /// How layers were moved apart ([`crate::GoalParams::least_distance`]); `None` if none were nearer, or
+    /// intersections are left.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub moved_apart: Option<MovedApart>,
     /// The least distance of two layers of the result, as a share of the clearance that is the goal
@@ -547,9 +552,42 @@ impl SeamReport {
 }
 
 impl ResolveReport {
-    /// Computes [`ResolveReport::clearance_reached`] for a goal of `clearance` metres.
-    pub(crate) fn compare_clearance(&mut self, clearance: Real) {
-        self.clearance_reached = self.after.least_distance().map(|least| least / clearance);
+    /// Computes [`ResolveReport::clearance_reached`] for a goal of `clearance` metres, and
+    /// [`MovedApart::reached`].
+    pub(crate) fn compare_distances(&mut self, clearance: Real) {
+        let least = self.after.least_distance();
+        self.clearance_reached = least.map(|least| least / clearance);
+        if let (Some(apart), Some(least)) = (&mut self.moved_apart, least) {
+            apart.reached = least;
+        }
+    }
+
+    /// A note if layers stay nearer than they were moved apart to.
+    fn nearer(&self) -> Option<String> {
+        /// More pairs than these do not help a person.
+        const NAMED: usize = 4;
+        let MovedApart { goal, reached, .. } = self.moved_apart?;
+        let mm = |length: Real| format!("{:.4} mm", 1e3 * length);
+        let least = |pair: &PairReport| pair.least_distance.map_or(goal, |least| least.distance);
+        let mut nearer: Vec<&PairReport> =
+            self.after.pairs.iter().filter(|pair| least(pair) < ENOUGH * goal).collect();
+        nearer.sort_by(|a, b| least(a).total_cmp(&least(b)));
+        let name = |pair: &&PairReport| {
+            format!("`{}` over `{}` ({})", pair.outer, pair.inner, mm(least(pair)))
+        };
+        let named: Vec<String> = nearer.iter().take(NAMED).map(name).collect();
+        let more = match nearer.len() - named.len() {
+            0 => String::new(),
+            more => format!(" and {more} more"),
+        };
+        (!named.is_empty()).then(|| {
+            format!(
+                "layers were moved apart to {} of {}; nearer are {}{more}",
+                mm(reached),
+                mm(goal),
+                named.join(", ")
+            )
+        })
     }
 
     /// A note if the garment moved farther than what it lay in asks for.
@@ -568,8 +606,8 @@ impl ResolveReport {
     }
 
     /// What a person should know, in sentences: [`Verification::notes`] of the input, garments that
-    /// are drawn so much that they may be for another body, and those that moved farther than they lay
-    /// deep. `body` is what the body is called.
+    /// are drawn so much that they may be for another body, those that moved farther than they lay
+    /// deep, and layers that stay nearer than [`MovedApart::goal`]. `body` is what the body is called.
     pub fn notes(&self, body: &str) -> Vec<String> {
         let mut notes = self.before.notes(body);
         notes.extend(self.seams.iter().map(SeamReport::note));
@@ -582,6 +620,7 @@ impl ResolveReport {
             )
         }));
         notes.extend(self.layers.iter().filter_map(|layer| self.slid(layer)));
+        notes.extend(self.nearer());
         notes
     }
 
@@ -652,6 +691,30 @@ mod tests {
         let [inside, drawn] = &found[..] else { panic!("{found:?}") };
         assert!(inside.starts_with("`tights`: 90 % of it lies inside the body, 50 mm deep"));
         assert!(drawn.starts_with("`tights`: one edge in a hundred is strained by 77 % or more"));
+    }
+
+    #[test]
+    fn layers_that_stay_nearer_than_the_goal_are_noted_with_what_was_reached() {
+        let least = |distance| Some(LeastDistance { distance, error: 0.0, triangles: [0, 1] });
+        let pair = |inner: &str, outer: &str, distance| PairReport {
+            inner: inner.into(),
+            outer: outer.into(),
+            least_distance: least(distance),
+            ..PairReport::default()
+        };
+        let pairs = vec![
+            pair("skin", "vest", 0.2997e-3),
+            pair("skin", "coat", 0.28e-3),
+            pair("vest", "coat", 0.26e-3),
+        ];
+        let after = Verification { pairs, ..Verification::default() };
+        let moved_apart = Some(MovedApart { goal: 0.3e-3, reached: 0.26e-3, moved: 1e-3 });
+        let report = ResolveReport { after, moved_apart, ..ResolveReport::default() };
+        assert_eq!(
+            report.notes("skin"),
+            ["layers were moved apart to 0.2600 mm of 0.3000 mm; nearer are `coat` over `vest` \
+              (0.2600 mm), `coat` over `skin` (0.2800 mm)"]
+        );
     }
 
     #[test]

@@ -240,7 +240,7 @@ fn resolve_on_body(
         let given = if is_split { &attempt.outfit } else { outfit };
         verify_result(&mut report, given, &found);
     }
-    report.compare_clearance(params.goal.clearance);
+    report.compare_distances(params.goal.clearance);
     report.seams = sewn.report(&found);
     if !report.is_proven() && params.goal.pinch == Pinch::Keep {
         report.pinch = in_pinches(&found, &attempt.closed[0], &params.goal);
