@@ -111,6 +111,12 @@ const DRAWN: Real = 0.5;
 /// that have to give way move by less than their deepest vertex in the mean.
 const SLID: Real = 0.01;
 
+/// Whether a garment is strained so much that it may be made for another body: one edge in a hundred by
+/// more than half.
+pub fn is_drawn(strain: &Strain) -> bool {
+    strain.p99 > DRAWN
+}
+
 impl Verification {
     /// The report of what was found in `outfit`: what was assumed of its body and how many own pairs
     /// that has, and the findings of each garment.
@@ -611,7 +617,7 @@ impl ResolveReport {
     pub fn notes(&self, body: &str) -> Vec<String> {
         let mut notes = self.before.notes(body);
         notes.extend(self.seams.iter().map(SeamReport::note));
-        let drawn = self.layers.iter().filter(|layer| layer.strain.p99 > DRAWN);
+        let drawn = self.layers.iter().filter(|layer| is_drawn(&layer.strain));
         notes.extend(drawn.map(|layer| {
             format!(
                 "`{}`: one edge in a hundred is strained by {:.0} % or more; is it for this body?",

@@ -76,6 +76,9 @@ pub(super) fn run(args: &MatchArgs) -> Result<End, Report> {
     } else {
         print(&text(&result, &args.out, placed))?;
     }
+    for line in result.notes() {
+        note(&line);
+    }
     if let Some(error) = &result.error {
         note(&format!("{}: {}", error.kind, error.message));
     }
@@ -103,9 +106,11 @@ fn text(result: &MatchResult, out: &Path, placed: Placed) -> String {
     let mut text = format!("{}\n", result.combination);
     for (name, a) in result.combination.garments.iter().zip(&result.alignments) {
         text += &format!(
-            "  {name}: {:?}, moved {:.1} mm on average, {:.1} % inside the body (own body {:.1} %)\n",
+            "  {name}: {:?}, moved {:.1} mm on average, strain {:.1} % rms, {:.1} % p99, {:.1} % inside the body (own body {:.1} %)\n",
             a.method,
             a.moved.mean * 1e3,
+            a.strain.rms * 1e2,
+            a.strain.p99 * 1e2,
             a.inside[1] * 1e2,
             a.inside[0] * 1e2
         );
