@@ -44,6 +44,9 @@ pub(crate) struct MatchArgs {
     /// Do it again even if it is done.
     #[arg(long)]
     pub(crate) again: bool,
+    /// Do not draw.
+    #[arg(long)]
+    pub(crate) no_pictures: bool,
     /// Print the result as JSON, and no tables.
     #[arg(long)]
     pub(crate) json: bool,
@@ -55,10 +58,11 @@ const PICTURE_HEIGHT: u32 = 640;
 /// Runs the command.
 pub(super) fn run(args: &MatchArgs) -> Result<End, Report> {
     let wardrobe = open(&args.root)?;
+    let height = if args.no_pictures { 0 } else { PICTURE_HEIGHT };
     let params = MatchParams {
         body: true,
         unproven: args.write_unproven,
-        ..match_params(&args.params, args.fields, PICTURE_HEIGHT)?
+        ..match_params(&args.params, args.fields, height)?
     };
     let combination = Combination { body: args.body.clone(), garments: args.garments.clone() };
     let dresser = Dresser::new(&wardrobe, params.align);
