@@ -35,14 +35,7 @@ pub(crate) fn resolved(report: &ResolveReport, colour: bool) -> String {
     for layer in &report.layers {
         text += &kept_own_pairs(layer);
     }
-    for layer in report.layers.iter().filter(|l| l.eased[0] > 0.0) {
-        let [before, after] = layer.eased.map(|s| 100.0 * s);
-        let _ = writeln!(
-            text,
-            "{} was eased where it was drawn: largest strain {before:.0} -> {after:.0} %.",
-            layer.name
-        );
-    }
+    report.layers.iter().filter_map(eased).for_each(|line| text += &line);
     for layer in report.layers.iter().filter(|l| l.split > 0) {
         let _ = writeln!(
             text,
@@ -52,6 +45,20 @@ pub(crate) fn resolved(report: &ResolveReport, colour: bool) -> String {
         );
     }
     text + &least_distances(report)
+}
+
+/// The largest strain before and after easing, and of the result where later work changed it; `None`
+/// if easing brought no percent.
+fn eased(layer: &LayerReport) -> Option<String> {
+    let whole = |strain: f64| (100.0 * strain).round();
+    let ([before, after], now) = (layer.eased.map(whole), whole(layer.strain.max));
+    let later = if now == after { String::new() } else { format!(" The result has {now} %.") };
+    (after < before).then(|| {
+        format!(
+            "{} was eased where it was drawn: largest strain {before} -> {after} %.{later}\n",
+            layer.name
+        )
+    })
 }
 
 /// The own pairs that a garment keeps, one line for each reason; empty if it keeps none. Of very many
@@ -559,6 +566,23 @@ mod tests {
             skipped(&report.layers).as_deref(),
             Some("Skipped: 2 pairs of layers that do not meet, 18 nearest-point queries.")
         );
+    }
+
+    #[test]
+    fn easing_is_printed_where_it_brought_something_with_what_the_result_has() {
+        let line = |before, after, now| {
+            let strain = Strain { max: now, ..Strain::default() };
+            let mut layer = LayerReport::default();
+            (layer.name, layer.strain, layer.eased) = ("hood".into(), strain, [before, after]);
+            eased(&layer)
+        };
+        assert_eq!(line(5.204, 5.203, 5.2), None);
+        assert_eq!(line(5.2, 5.3, 5.3), None);
+        assert_eq!(line(0.0, 0.0, 5.2), None);
+        let text = line(5.2, 0.5, 0.5).unwrap();
+        assert!(text.ends_with("largest strain 520 -> 50 %.\n"), "{text}");
+        let text = line(5.2, 0.5, 0.75).unwrap();
+        assert!(text.ends_with("largest strain 520 -> 50 %. The result has 75 %.\n"), "{text}");
     }
 
     #[test]
