@@ -263,11 +263,16 @@ pub(crate) fn checked(found: &Verification, garments: &[String], colour: bool) -
             Cell::new(distance(pair.least_distance)),
         ]);
     }
-    let mut own = new_table(&["layer", "own pairs", "least mm"], 1, colour);
-    own.add_row(vec!["body".into(), count(found.body_own_pairs), String::new()]);
+    let header = ["layer", "own pairs", "least mm", "of primitives mm"];
+    let mut own = new_table(&header, 1, colour);
+    own.add_row(vec!["body".into(), count(found.body_own_pairs), String::new(), String::new()]);
+    let primitives = found.own_primitive_distances.iter().map(|least| least.map(|d| d.distance));
+    let primitives = primitives.map(|d| d.map_or(String::new(), fine_millimetres));
     let garments = garments.iter().zip(&found.own_pairs).zip(&found.own_least_distances);
-    for ((name, pairs), least) in garments {
-        own.add_row(vec![name.clone(), count(*pairs), distance(*least)]);
+    for (((name, pairs), least), primitives) in
+        garments.zip(primitives.chain(std::iter::repeat(String::new())))
+    {
+        own.add_row(vec![name.clone(), count(*pairs), distance(*least), primitives]);
     }
     let mut text = String::new();
     section(&mut text, "Layers against those below them", &table);
@@ -297,13 +302,20 @@ fn least_distances(report: &ResolveReport) -> String {
     let own = own.reduce(f64::min).map_or(String::new(), |own| {
         format!("; of a garment to itself: {} mm", fine_millimetres(own))
     });
+    let primitives = report.after.own_primitive_distances.iter().flatten();
+    let thinnest = primitives.filter(|least| least.are_neighbours).map(|least| least.distance);
+    let thinnest = thinnest.reduce(f64::min).map_or(String::new(), |least| {
+        let least = fine_millimetres(least);
+        format!("Of primitives of a garment that share no vertex: {least} mm.\n")
+    });
     let (least, share) = (fine_millimetres(least), 100.0 * share);
     let moved = report.moved_apart.map_or(String::new(), |apart| {
         let [goal, reached, moved] = [apart.goal, apart.reached, apart.moved].map(fine_millimetres);
         format!("Layers were moved apart by at most {moved} mm: to {reached} mm of {goal} mm.\n")
     });
     format!(
-        "{moved}Least distance of two layers: {least} mm, {share:.1} % of the clearance{own}.\n"
+        "{moved}Least distance of two layers: {least} mm, {share:.1} % of the clearance{own}.\n\
+         {thinnest}"
     )
 }
 

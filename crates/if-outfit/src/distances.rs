@@ -5,6 +5,7 @@ use crate::report::Verification;
 use if_core::math::Real;
 use if_mesh::index::Bvh;
 use if_mesh::least_distance::{least_distance, least_own_distance};
+use if_mesh::primitive_distance::least_primitive_distance;
 use if_mesh::solid::ClosedLayer;
 use rayon::prelude::*;
 use std::sync::Arc;
@@ -26,6 +27,15 @@ pub(crate) fn measure(outfit: &Outfit, closed: &[Arc<ClosedLayer>], found: &mut 
         found.pairs.iter_mut().zip(between).for_each(|(pair, least)| pair.least_distance = least);
         found.own_least_distances = own;
     });
+}
+
+/// Adds the least distances of primitives of each garment of `outfit`, in which `found` was measured.
+pub(crate) fn measure_primitives(outfit: &Outfit, found: &mut Verification) {
+    let _phase = trace_span!("least distances of primitives").entered();
+    let garments = outfit.garments.par_iter().zip(&found.own_least_distances);
+    let least =
+        garments.map(|(garment, own)| least_primitive_distance(&garment.mesh, own.as_ref()));
+    found.own_primitive_distances = least.collect();
 }
 
 /// For every two layers of `outfit`, how much less than `distance` metres they are apart. `closed` are

@@ -4,6 +4,7 @@
 
 use crate::cleanness::Cleanness;
 use crate::findings::{Findings, LayerFindings};
+use crate::motion::OWN;
 use crate::moving_apart::ENOUGH;
 use crate::obstacle::Obstacle;
 use crate::outfit::{Layer, Outfit};
@@ -12,6 +13,7 @@ use if_core::math::Real;
 pub use if_mesh::body_surface::{BodyReport, Hole};
 pub use if_mesh::least_distance::LeastDistance;
 use if_mesh::measure::{Displacement, Strain};
+pub use if_mesh::primitive_distance::{PrimitiveDistance, Primitives};
 use serde::{Deserialize, Serialize};
 
 /// How an outer layer lies against one below it.
@@ -96,6 +98,13 @@ pub struct Verification {
     /// there are no such two. Empty if it was not measured.
     #[serde(default)]
     pub own_least_distances: Vec<Option<LeastDistance>>,
+    /// For each garment the least distance of a vertex and a triangle, or of two edges, that share no vertex:
+    /// at most its own least distance, and less where a sliver is thinner. `None` if there are no such two,
+    /// or triangles that share no vertex intersect. Empty if it was not measured:
+    /// [`verify`](crate::verify()) does, and [`resolve`](crate::resolve::resolve) with
+    /// [`GoalParams::least_distance`](crate::GoalParams::least_distance).
+    #[serde(default)]
+    pub own_primitive_distances: Vec<Option<PrimitiveDistance>>,
     /// Seconds that the check took.
     pub seconds: Real,
 }
@@ -110,6 +119,10 @@ const DRAWN: Real = 0.5;
 /// Mean motion of a garment, in metres, from which it is doubted if nothing of it lay as deep: those
 /// that have to give way move by less than their deepest vertex in the mean.
 const SLID: Real = 0.01;
+
+/// Distance of two primitives of a garment from which on it is too near for simulators with a barrier, in
+/// metres: those take contacts of some 0.01 to 1 mm.
+const THIN: Real = 1e-6;
 
 /// Whether a garment is strained so much that it may be made for another body: one edge in a hundred by
 /// more than half.
@@ -153,11 +166,32 @@ impl Verification {
         notes.iter().map(|note| format!("`{name}`: {note}")).collect()
     }
 
-    /// What a person should know, in sentences: [`Verification::body_notes`], and garments that lie
+    /// What a person should know, in sentences: [`Verification::body_notes`], garments that lie
     /// mostly and deep inside the body, or mostly inside one that is given below them, so that their
-    /// place or order may be wrong. `body` is what the body is called.
+    /// place or order may be wrong, and those with primitives less than 1 µm apart. `body` is what the body
+    /// is called.
     pub fn notes(&self, body: &str) -> Vec<String> {
-        [self.body_notes(body), self.place_notes(body)].concat()
+        [self.body_notes(body), self.place_notes(body), self.thin_notes(THIN)].concat()
+    }
+
+    /// Garments of which two primitives that share no vertex are nearer than `least` metres.
+    fn thin_notes(&self, least: Real) -> Vec<String> {
+        let mut names: Vec<&str> = self.pairs.iter().map(|pair| pair.outer.as_str()).collect();
+        names.dedup();
+        let note = |(name, found): (&str, &Option<PrimitiveDistance>)| {
+            let PrimitiveDistance { distance, primitives, are_neighbours, .. } =
+                found.filter(|found| found.distance < least)?;
+            let two = match primitives {
+                Primitives::VertexTriangle(v, t) => format!("vertex {v} and triangle {t:?}"),
+                Primitives::Edges(e, f) => format!("edges {e:?} and {f:?}"),
+            };
+            let what = if are_neighbours { ", a sliver" } else { "" };
+            Some(format!(
+                "`{name}`: {two} are {:.1e} mm apart{what}: too near for simulators with a barrier",
+                1e3 * distance
+            ))
+        };
+        names.into_iter().zip(&self.own_primitive_distances).filter_map(note).collect()
     }
 
     fn place_notes(&self, body: &str) -> Vec<String> {
@@ -613,7 +647,8 @@ impl ResolveReport {
 
     /// What a person should know, in sentences: [`Verification::notes`] of the input, garments that
     /// are drawn so much that they may be for another body, those that moved farther than they lay
-    /// deep, and layers that stay nearer than [`MovedApart::goal`]. `body` is what the body is called.
+    /// deep, layers that stay nearer than [`MovedApart::goal`], and primitives of garments that do, or are less
+    /// than 1 µm apart. `body` is what the body is called.
     pub fn notes(&self, body: &str) -> Vec<String> {
         let mut notes = self.before.notes(body);
         notes.extend(self.seams.iter().map(SeamReport::note));
@@ -627,6 +662,8 @@ impl ResolveReport {
         }));
         notes.extend(self.layers.iter().filter_map(|layer| self.slid(layer)));
         notes.extend(self.nearer());
+        let opened = self.moved_apart.map_or(0.0, |apart| apart.goal.min(OWN));
+        notes.extend(self.after.thin_notes(THIN.max(opened)));
         notes
     }
 
@@ -721,6 +758,30 @@ mod tests {
             ["layers were moved apart to 0.2600 mm of 0.3000 mm; nearer are `coat` over `vest` \
               (0.2600 mm), `coat` over `skin` (0.2800 mm)"]
         );
+    }
+
+    #[test]
+    fn slivers_are_noted_below_a_micrometre_or_what_a_garment_opens_to() {
+        let pair = |outer: &str| PairReport { outer: outer.into(), ..PairReport::default() };
+        let thin = |distance, are_neighbours| {
+            let primitives = Primitives::VertexTriangle(3919, [3918, 4007, 3980]);
+            Some(PrimitiveDistance { distance, error: 0.0, primitives, are_neighbours })
+        };
+        let found = Verification {
+            pairs: vec![pair("vest"), pair("coat"), pair("coat")],
+            own_primitive_distances: vec![thin(2e-5, true), thin(4e-8, true)],
+            ..Verification::default()
+        };
+        let notes = found.notes("skin");
+        let [note] = &notes[..] else { panic!("{notes:?}") };
+        assert_eq!(
+            note,
+            "`coat`: vertex 3919 and triangle [3918, 4007, 3980] are 4.0e-5 mm apart, a sliver: too \
+             near for simulators with a barrier"
+        );
+        let moved_apart = Some(MovedApart { goal: 1e-3, ..MovedApart::default() });
+        let report = ResolveReport { after: found, moved_apart, ..ResolveReport::default() };
+        assert_eq!(report.notes("skin").len(), 2);
     }
 
     #[test]
