@@ -35,14 +35,7 @@ pub(crate) fn resolved(report: &ResolveReport, colour: bool) -> String {
     for layer in &report.layers {
         text += &kept_own_pairs(layer);
     }
-    for layer in report.layers.iter().filter(|l| l.eased[0] > 0.0) {
-        let [before, after] = layer.eased.map(|s| 100.0 * s);
-        let _ = writeln!(
-            text,
-            "{} was eased where it was drawn: largest strain {before:.0} -> {after:.0} %.",
-            layer.name
-        );
-    }
+    report.layers.iter().filter_map(eased).for_each(|line| text += &line);
     for layer in report.layers.iter().filter(|l| l.split > 0) {
         let _ = writeln!(
             text,
@@ -52,6 +45,20 @@ pub(crate) fn resolved(report: &ResolveReport, colour: bool) -> String {
         );
     }
     text + &least_distances(report)
+}
+
+/// The largest strain before and after easing, and of the result where later work changed it; `None`
+/// if easing brought no percent.
+fn eased(layer: &LayerReport) -> Option<String> {
+    let whole = |strain: f64| (100.0 * strain).round();
+    let ([before, after], now) = (layer.eased.map(whole), whole(layer.strain.max));
+    let later = if now == after { String::new() } else { format!(" The result has {now} %.") };
+    (after < before).then(|| {
+        format!(
+            "{} was eased where it was drawn: largest strain {before} -> {after} %.{later}\n",
+            layer.name
+        )
+    })
 }
 
 /// The own pairs that a garment keeps, one line for each reason; empty if it keeps none. Of very many
@@ -64,6 +71,7 @@ fn kept_own_pairs(layer: &LayerReport) -> String {
         (KeptReason::NonManifold, "more than two triangles meet at an edge"),
         (KeptReason::Contour, "the sheets do not come apart"),
         (KeptReason::Layers, "they came back between the layers"),
+        (KeptReason::Strain, "the cloth would be torn out of shape"),
     ];
     let mut text = String::new();
     let (all, named) = (layer.own_pairs.after, layer.kept_own_pairs.len());
@@ -255,11 +263,16 @@ pub(crate) fn checked(found: &Verification, garments: &[String], colour: bool) -
             Cell::new(distance(pair.least_distance)),
         ]);
     }
-    let mut own = new_table(&["layer", "own pairs", "least mm"], 1, colour);
-    own.add_row(vec!["body".into(), count(found.body_own_pairs), String::new()]);
+    let header = ["layer", "own pairs", "least mm", "of primitives mm"];
+    let mut own = new_table(&header, 1, colour);
+    own.add_row(vec!["body".into(), count(found.body_own_pairs), String::new(), String::new()]);
+    let primitives = found.own_primitive_distances.iter().map(|least| least.map(|d| d.distance));
+    let primitives = primitives.map(|d| d.map_or(String::new(), fine_millimetres));
     let garments = garments.iter().zip(&found.own_pairs).zip(&found.own_least_distances);
-    for ((name, pairs), least) in garments {
-        own.add_row(vec![name.clone(), count(*pairs), distance(*least)]);
+    for (((name, pairs), least), primitives) in
+        garments.zip(primitives.chain(std::iter::repeat(String::new())))
+    {
+        own.add_row(vec![name.clone(), count(*pairs), distance(*least), primitives]);
     }
     let mut text = String::new();
     section(&mut text, "Layers against those below them", &table);
@@ -289,13 +302,20 @@ fn least_distances(report: &ResolveReport) -> String {
     let own = own.reduce(f64::min).map_or(String::new(), |own| {
         format!("; of a garment to itself: {} mm", fine_millimetres(own))
     });
+    let primitives = report.after.own_primitive_distances.iter().flatten();
+    let thinnest = primitives.filter(|least| least.are_neighbours).map(|least| least.distance);
+    let thinnest = thinnest.reduce(f64::min).map_or(String::new(), |least| {
+        let least = fine_millimetres(least);
+        format!("Of primitives of a garment that share no vertex: {least} mm.\n")
+    });
     let (least, share) = (fine_millimetres(least), 100.0 * share);
     let moved = report.moved_apart.map_or(String::new(), |apart| {
-        let (goal, moved) = (fine_millimetres(apart.goal), fine_millimetres(apart.moved));
-        format!("Layers were moved apart, to {goal} mm if there was room, by at most {moved} mm.\n")
+        let [goal, reached, moved] = [apart.goal, apart.reached, apart.moved].map(fine_millimetres);
+        format!("Layers were moved apart by at most {moved} mm: to {reached} mm of {goal} mm.\n")
     });
     format!(
-        "{moved}Least distance of two layers: {least} mm, {share:.1} % of the clearance{own}.\n"
+        "{moved}Least distance of two layers: {least} mm, {share:.1} % of the clearance{own}.\n\
+         {thinnest}"
     )
 }
 
@@ -558,6 +578,23 @@ mod tests {
             skipped(&report.layers).as_deref(),
             Some("Skipped: 2 pairs of layers that do not meet, 18 nearest-point queries.")
         );
+    }
+
+    #[test]
+    fn easing_is_printed_where_it_brought_something_with_what_the_result_has() {
+        let line = |before, after, now| {
+            let strain = Strain { max: now, ..Strain::default() };
+            let mut layer = LayerReport::default();
+            (layer.name, layer.strain, layer.eased) = ("hood".into(), strain, [before, after]);
+            eased(&layer)
+        };
+        assert_eq!(line(5.204, 5.203, 5.2), None);
+        assert_eq!(line(5.2, 5.3, 5.3), None);
+        assert_eq!(line(0.0, 0.0, 5.2), None);
+        let text = line(5.2, 0.5, 0.5).unwrap();
+        assert!(text.ends_with("largest strain 520 -> 50 %.\n"), "{text}");
+        let text = line(5.2, 0.5, 0.75).unwrap();
+        assert!(text.ends_with("largest strain 520 -> 50 %. The result has 75 %.\n"), "{text}");
     }
 
     #[test]

@@ -67,6 +67,7 @@ pub mod point_cache;
 pub mod point_tree;
 #[doc(hidden)]
 pub mod polygons;
+pub mod primitive_distance;
 #[doc(hidden)]
 pub mod pseudo_normals;
 pub mod raster;

@@ -72,6 +72,8 @@ pub(crate) struct Attempt {
 struct Untangling {
     /// Own pairs left before it settled, sorted.
     left: Vec<Vec<[u32; 2]>>,
+    /// Own pairs that come apart at too high a cost.
+    costly: Vec<BTreeSet<[u32; 2]>>,
     /// Rounds made, before and after.
     rounds: Vec<usize>,
 }
@@ -92,7 +94,8 @@ impl Attempt {
         }
         let (given, closed) = verify_layers(&outfit, settings.body);
         let verify_seconds = start.elapsed().as_secs_f64();
-        let untangled = untangle_garments(&outfit, &given, settings.params, monitor)?;
+        let mut costly = vec![BTreeSet::new(); count];
+        let untangled = untangle_garments(&outfit, &given, settings.params, &mut costly, monitor)?;
         let changed: Vec<bool> = untangled.iter().map(Option::is_some).collect();
         let mut worked = outfit.clone();
         for (garment, untangled) in worked.garments.iter_mut().zip(&untangled) {
@@ -106,7 +109,7 @@ impl Attempt {
             trace_span!("obstacles").in_scope(|| obstacles(&worked, &verified.0, &verified.1));
         let mut wear = |tight, ways_in: &[WaysIn], settings| {
             let (outfits, hindrances) = ([&outfit, &worked], (&obstacles[..], ways_in));
-            wear(outfits, &verified, hindrances, tight, settings, monitor)
+            wear(outfits, &verified, hindrances, tight, &costly, settings, monitor)
         };
         let always = settings.params.goal.tuck == Tuck::Always;
         let tight: BTreeSet<usize> = if always { (0..count).collect() } else { BTreeSet::new() };
@@ -137,7 +140,7 @@ impl Attempt {
                 worn = again;
             }
         }
-        let Worn { dressed, closed, untangling_rounds, .. } = worn;
+        let Worn { dressed, closed, untangling_rounds, costly, .. } = worn;
         let rounds = untangled.iter().zip(untangling_rounds);
         let rounds = rounds.map(|(u, more)| u.as_ref().map_or(0, |u| u.rounds) + more).collect();
         let left = |(given, untangled): (&Findings, Option<Untangled>)| match untangled {
@@ -145,7 +148,7 @@ impl Attempt {
             None => given.own.clone(),
         };
         let left = given.iter().zip(untangled).map(left).collect();
-        let untangled = Untangling { left, rounds };
+        let untangled = Untangling { left, costly, rounds };
         let splits = vec![None; count];
         Ok(Self { outfit, given, verify_seconds, untangled, obstacles, dressed, closed, splits })
     }
@@ -189,12 +192,12 @@ impl Attempt {
         let unused_rounds =
             (params.effort.rounds + settled.eased.rounds).saturating_sub(settled.rounds);
         let mut strategies = settled.counts;
-        let left = &self.untangled.left[index];
+        let (left, costly) = (&self.untangled.left[index], &self.untangled.costly[index]);
         strategies.untangling_rounds = self.untangled.rounds[index];
         strategies.untangled_own_pairs = given.own.len() - left.len();
         let removes = params.goal.own == Own::Remove && !findings.own.is_empty();
         let kept_own_pairs =
-            if removes { kept(&dressed.mesh, &given.own, left) } else { Vec::new() };
+            if removes { kept(&dressed.mesh, &given.own, left, costly) } else { Vec::new() };
         LayerReport {
             name: self.outfit.garments[index].name.clone(),
             moved: *moved,
@@ -240,6 +243,8 @@ struct Worn {
     tight: BTreeSet<usize>,
     /// For each garment the rounds of untangling after it settled.
     untangling_rounds: Vec<usize>,
+    /// For each garment own pairs that come apart at too high a cost, before it settled or after.
+    costly: Vec<BTreeSet<[u32; 2]>>,
 }
 
 /// Intersecting pairs and vertices on a wrong side that remain; `given` is what was found in the input.
@@ -259,25 +264,33 @@ fn tried<T>(result: Result<T, AttemptError>) -> Result<Option<T>, AttemptError> 
     }
 }
 
-/// [Dresses](dress) an outfit, and untangles what is left.
+/// [Dresses](dress) an outfit, and untangles what is left, but for what is `costly`.
 fn wear(
     [input, outfit]: [&Outfit; 2],
     verified: &(Vec<Findings>, Vec<Arc<ClosedLayer>>),
     hindrances: (&[Obstacle], &[WaysIn]),
     mut tight: BTreeSet<usize>,
+    costly: &[BTreeSet<[u32; 2]>],
     settings: Settings<'_>,
     monitor: &mut dyn Monitor,
 ) -> Result<Worn, AttemptError> {
     let (mut dressed, mut closed) =
         dress([input, outfit], verified, hindrances, &mut tight, settings, monitor)?;
     let mut untangling_rounds = vec![0; dressed.len()];
+    let mut costly = costly.to_vec();
     if settings.params.goal.own == Own::Remove {
         let _phase = trace_span!("untangling").entered();
-        untangling_rounds =
-            untangle_settled(input, &mut dressed, &mut closed, settings.params, monitor)
-                .map_err(AttemptError::Cancelled)?;
+        untangling_rounds = untangle_settled(
+            input,
+            &mut dressed,
+            &mut closed,
+            settings.params,
+            &mut costly,
+            monitor,
+        )
+        .map_err(AttemptError::Cancelled)?;
     }
-    Ok(Worn { dressed, closed, tight, untangling_rounds })
+    Ok(Worn { dressed, closed, tight, untangling_rounds, costly })
 }
 
 /// Dresses `outfit`, the untangled form of `input`: returns the garments and all closed layers but the
@@ -331,11 +344,12 @@ fn dress(
 }
 
 /// Untangles the garments that intersect themselves, in which `given` was found; `None` for those in
-/// which nothing changes.
+/// which nothing changes. `costly` receives for each what [`untangle`] finds so.
 fn untangle_garments(
     outfit: &Outfit,
     given: &[Findings],
     params: &ResolveParams,
+    costly: &mut [BTreeSet<[u32; 2]>],
     monitor: &mut dyn Monitor,
 ) -> Result<Vec<Option<Untangled>>, AttemptError> {
     let _phase = trace_span!("untangling").entered();
@@ -349,7 +363,8 @@ fn untangle_garments(
         let mut progress = GarmentProgress { monitor, name: &garment.name, index, count };
         let mut report = |pairs| progress.report(UNTANGLE, 0, Some(pairs));
         let start = garment.mesh.vertices();
-        let untangled = untangle(garment, start, params, &mut |_| true, &mut report);
+        let costly = &mut costly[index];
+        let untangled = untangle(garment, start, params, costly, &mut |_| true, &mut report);
         all.push(untangled.map_err(AttemptError::Cancelled)?);
     }
     Ok(all)

@@ -5,6 +5,7 @@ use crate::report::Verification;
 use if_core::math::Real;
 use if_mesh::index::Bvh;
 use if_mesh::least_distance::{least_distance, least_own_distance};
+use if_mesh::primitive_distance::least_primitive_distance;
 use if_mesh::solid::ClosedLayer;
 use rayon::prelude::*;
 use std::sync::Arc;
@@ -28,15 +29,24 @@ pub(crate) fn measure(outfit: &Outfit, closed: &[Arc<ClosedLayer>], found: &mut 
     });
 }
 
-/// Whether every two layers of `outfit` are at least `distance` metres apart. `closed` are its closed
-/// layers, all but the outermost.
-pub(crate) fn are_kept(outfit: &Outfit, closed: &[Arc<ClosedLayer>], distance: Real) -> bool {
+/// Adds the least distances of primitives of each garment of `outfit`, in which `found` was measured.
+pub(crate) fn measure_primitives(outfit: &Outfit, found: &mut Verification) {
+    let _phase = trace_span!("least distances of primitives").entered();
+    let garments = outfit.garments.par_iter().zip(&found.own_least_distances);
+    let least =
+        garments.map(|(garment, own)| least_primitive_distance(&garment.mesh, own.as_ref()));
+    found.own_primitive_distances = least.collect();
+}
+
+/// For every two layers of `outfit`, how much less than `distance` metres they are apart. `closed` are
+/// its closed layers, all but the outermost.
+pub(crate) fn lacking(outfit: &Outfit, closed: &[Arc<ClosedLayer>], distance: Real) -> Vec<Real> {
     with_trees(outfit, closed, |trees| {
-        let is_kept = |[inner, outer]: &[usize; 2]| {
+        let lacks = |[inner, outer]: &[usize; 2]| {
             let least = least_distance(trees[*inner], trees[*outer]);
-            least.is_none_or(|least| least.distance >= distance)
+            least.map_or(0.0, |least| (distance - least.distance).max(0.0))
         };
-        below(trees.len()).par_iter().all(is_kept)
+        below(trees.len()).par_iter().map(lacks).collect()
     })
 }
 

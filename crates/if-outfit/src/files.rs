@@ -246,7 +246,7 @@ impl OutfitFiles {
         // step here where the solver made them in several.
         if splits.iter().any(Option::is_some) || stored != outfit {
             verify_result(&mut report, &fine.outfit, &stored);
-            report.compare_clearance(params.goal.clearance);
+            report.compare_distances(params.goal.clearance);
         }
         let unresolved = Unresolved::of(&fine.outfit, (&stored, &report));
         let body = fine.body.zip(body).map(|((file, path), positions)| (file, path, positions));

@@ -49,7 +49,7 @@ mod tests;
 pub use crossings::{Crossing, Crossings};
 pub(crate) use drawn_back::{DrawnBack, drawn_back};
 pub(crate) use facing::{pinched, room};
-pub(crate) use opening::moved_apart;
+pub(crate) use opening::{OWN, moved_apart};
 pub use params::WalkParams;
 pub use proof::{Pinched, Proof};
 pub use snapshot::SnapshotError;

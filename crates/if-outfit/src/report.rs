@@ -4,6 +4,8 @@
 
 use crate::cleanness::Cleanness;
 use crate::findings::{Findings, LayerFindings};
+use crate::motion::OWN;
+use crate::moving_apart::ENOUGH;
 use crate::obstacle::Obstacle;
 use crate::outfit::{Layer, Outfit};
 use if_core::intersect::Contact;
@@ -11,6 +13,7 @@ use if_core::math::Real;
 pub use if_mesh::body_surface::{BodyReport, Hole};
 pub use if_mesh::least_distance::LeastDistance;
 use if_mesh::measure::{Displacement, Strain};
+pub use if_mesh::primitive_distance::{PrimitiveDistance, Primitives};
 use serde::{Deserialize, Serialize};
 
 /// How an outer layer lies against one below it.
@@ -95,6 +98,13 @@ pub struct Verification {
     /// there are no such two. Empty if it was not measured.
     #[serde(default)]
     pub own_least_distances: Vec<Option<LeastDistance>>,
+    /// For each garment the least distance of a vertex and a triangle, or of two edges, that share no vertex:
+    /// at most its own least distance, and less where a sliver is thinner. `None` if there are no such two,
+    /// or triangles that share no vertex intersect. Empty if it was not measured:
+    /// [`verify`](crate::verify()) does, and [`resolve`](crate::resolve::resolve) with
+    /// [`GoalParams::least_distance`](crate::GoalParams::least_distance).
+    #[serde(default)]
+    pub own_primitive_distances: Vec<Option<PrimitiveDistance>>,
     /// Seconds that the check took.
     pub seconds: Real,
 }
@@ -109,6 +119,16 @@ const DRAWN: Real = 0.5;
 /// Mean motion of a garment, in metres, from which it is doubted if nothing of it lay as deep: those
 /// that have to give way move by less than their deepest vertex in the mean.
 const SLID: Real = 0.01;
+
+/// Distance of two primitives of a garment from which on it is too near for simulators with a barrier, in
+/// metres: those take contacts of some 0.01 to 1 mm.
+const THIN: Real = 1e-6;
+
+/// Whether a garment is strained so much that it may be made for another body: one edge in a hundred by
+/// more than half.
+pub fn is_drawn(strain: &Strain) -> bool {
+    strain.p99 > DRAWN
+}
 
 impl Verification {
     /// The report of what was found in `outfit`: what was assumed of its body and how many own pairs
@@ -146,11 +166,32 @@ impl Verification {
         notes.iter().map(|note| format!("`{name}`: {note}")).collect()
     }
 
-    /// What a person should know, in sentences: [`Verification::body_notes`], and garments that lie
+    /// What a person should know, in sentences: [`Verification::body_notes`], garments that lie
     /// mostly and deep inside the body, or mostly inside one that is given below them, so that their
-    /// place or order may be wrong. `body` is what the body is called.
+    /// place or order may be wrong, and those with primitives less than 1 µm apart. `body` is what the body
+    /// is called.
     pub fn notes(&self, body: &str) -> Vec<String> {
-        [self.body_notes(body), self.place_notes(body)].concat()
+        [self.body_notes(body), self.place_notes(body), self.thin_notes(THIN)].concat()
+    }
+
+    /// Garments of which two primitives that share no vertex are nearer than `least` metres.
+    fn thin_notes(&self, least: Real) -> Vec<String> {
+        let mut names: Vec<&str> = self.pairs.iter().map(|pair| pair.outer.as_str()).collect();
+        names.dedup();
+        let note = |(name, found): (&str, &Option<PrimitiveDistance>)| {
+            let PrimitiveDistance { distance, primitives, are_neighbours, .. } =
+                found.filter(|found| found.distance < least)?;
+            let two = match primitives {
+                Primitives::VertexTriangle(v, t) => format!("vertex {v} and triangle {t:?}"),
+                Primitives::Edges(e, f) => format!("edges {e:?} and {f:?}"),
+            };
+            let what = if are_neighbours { ", a sliver" } else { "" };
+            Some(format!(
+                "`{name}`: {two} are {:.1e} mm apart{what}: too near for simulators with a barrier",
+                1e3 * distance
+            ))
+        };
+        names.into_iter().zip(&self.own_primitive_distances).filter_map(note).collect()
     }
 
     fn place_notes(&self, body: &str) -> Vec<String> {
@@ -251,6 +292,10 @@ pub enum KeptReason {
     Contour,
     /// The pair was removed, and came back while the garment settled between its layers.
     Layers,
+    /// The sheets come apart only where the cloth is moved by more than
+    /// [`EffortParams::repair_influence`](crate::EffortParams::repair_influence) or strained by more than
+    /// [`EffortParams::ease_strain`](crate::EffortParams::ease_strain).
+    Strain,
 }
 
 /// How often each repair strategy changed something.
@@ -392,10 +437,13 @@ pub struct Algorithm1Report {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, Default)]
 #[non_exhaustive]
 pub struct MovedApart {
-    /// The distance that was the goal, in metres. `Verification::least_distance` of the result says
-    /// what was reached.
+    /// The distance that was the goal, in metres.
     pub goal: Real,
-    /// The largest motion of a vertex by it, in metres.
+    /// The distance that was reached: [`Verification::least_distance`] of the result, in metres. It is less
+    /// than the goal where there is no room.
+    #[serde(default)]
+    pub reached: Real,
+    /// The largest motion of a vertex by it, in metres; 0 if none could move.
     pub moved: Real,
 }
 
@@ -499,7 +547,8 @@ pub struct ResolveReport {
     /// than rounding parted them, and those that have opened.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub seams: Vec<SeamReport>,
-    /// How layers were moved apart ([`crate::GoalParams::least_distance`]); `None` if they were not.
+    /// How layers were moved apart ([`crate::GoalParams::least_distance`]); `None` if none were nearer, or
+    /// intersections are left.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub moved_apart: Option<MovedApart>,
     /// The least distance of two layers of the result, as a share of the clearance that is the goal
@@ -543,9 +592,42 @@ impl SeamReport {
 }
 
 impl ResolveReport {
-    /// Computes [`ResolveReport::clearance_reached`] for a goal of `clearance` metres.
-    pub(crate) fn compare_clearance(&mut self, clearance: Real) {
-        self.clearance_reached = self.after.least_distance().map(|least| least / clearance);
+    /// Computes [`ResolveReport::clearance_reached`] for a goal of `clearance` metres, and
+    /// [`MovedApart::reached`].
+    pub(crate) fn compare_distances(&mut self, clearance: Real) {
+        let least = self.after.least_distance();
+        self.clearance_reached = least.map(|least| least / clearance);
+        if let (Some(apart), Some(least)) = (&mut self.moved_apart, least) {
+            apart.reached = least;
+        }
+    }
+
+    /// A note if layers stay nearer than they were moved apart to.
+    fn nearer(&self) -> Option<String> {
+        /// More pairs than these do not help a person.
+        const NAMED: usize = 4;
+        let MovedApart { goal, reached, .. } = self.moved_apart?;
+        let mm = |length: Real| format!("{:.4} mm", 1e3 * length);
+        let least = |pair: &PairReport| pair.least_distance.map_or(goal, |least| least.distance);
+        let mut nearer: Vec<&PairReport> =
+            self.after.pairs.iter().filter(|pair| least(pair) < ENOUGH * goal).collect();
+        nearer.sort_by(|a, b| least(a).total_cmp(&least(b)));
+        let name = |pair: &&PairReport| {
+            format!("`{}` over `{}` ({})", pair.outer, pair.inner, mm(least(pair)))
+        };
+        let named: Vec<String> = nearer.iter().take(NAMED).map(name).collect();
+        let more = match nearer.len() - named.len() {
+            0 => String::new(),
+            more => format!(" and {more} more"),
+        };
+        (!named.is_empty()).then(|| {
+            format!(
+                "layers were moved apart to {} of {}; nearer are {}{more}",
+                mm(reached),
+                mm(goal),
+                named.join(", ")
+            )
+        })
     }
 
     /// A note if the garment moved farther than what it lay in asks for.
@@ -564,12 +646,13 @@ impl ResolveReport {
     }
 
     /// What a person should know, in sentences: [`Verification::notes`] of the input, garments that
-    /// are drawn so much that they may be for another body, and those that moved farther than they lay
-    /// deep. `body` is what the body is called.
+    /// are drawn so much that they may be for another body, those that moved farther than they lay
+    /// deep, layers that stay nearer than [`MovedApart::goal`], and primitives of garments that do, or are less
+    /// than 1 µm apart. `body` is what the body is called.
     pub fn notes(&self, body: &str) -> Vec<String> {
         let mut notes = self.before.notes(body);
         notes.extend(self.seams.iter().map(SeamReport::note));
-        let drawn = self.layers.iter().filter(|layer| layer.strain.p99 > DRAWN);
+        let drawn = self.layers.iter().filter(|layer| is_drawn(&layer.strain));
         notes.extend(drawn.map(|layer| {
             format!(
                 "`{}`: one edge in a hundred is strained by {:.0} % or more; is it for this body?",
@@ -578,6 +661,9 @@ impl ResolveReport {
             )
         }));
         notes.extend(self.layers.iter().filter_map(|layer| self.slid(layer)));
+        notes.extend(self.nearer());
+        let opened = self.moved_apart.map_or(0.0, |apart| apart.goal.min(OWN));
+        notes.extend(self.after.thin_notes(THIN.max(opened)));
         notes
     }
 
@@ -648,6 +734,54 @@ mod tests {
         let [inside, drawn] = &found[..] else { panic!("{found:?}") };
         assert!(inside.starts_with("`tights`: 90 % of it lies inside the body, 50 mm deep"));
         assert!(drawn.starts_with("`tights`: one edge in a hundred is strained by 77 % or more"));
+    }
+
+    #[test]
+    fn layers_that_stay_nearer_than_the_goal_are_noted_with_what_was_reached() {
+        let least = |distance| Some(LeastDistance { distance, error: 0.0, triangles: [0, 1] });
+        let pair = |inner: &str, outer: &str, distance| PairReport {
+            inner: inner.into(),
+            outer: outer.into(),
+            least_distance: least(distance),
+            ..PairReport::default()
+        };
+        let pairs = vec![
+            pair("skin", "vest", 0.2997e-3),
+            pair("skin", "coat", 0.28e-3),
+            pair("vest", "coat", 0.26e-3),
+        ];
+        let after = Verification { pairs, ..Verification::default() };
+        let moved_apart = Some(MovedApart { goal: 0.3e-3, reached: 0.26e-3, moved: 1e-3 });
+        let report = ResolveReport { after, moved_apart, ..ResolveReport::default() };
+        assert_eq!(
+            report.notes("skin"),
+            ["layers were moved apart to 0.2600 mm of 0.3000 mm; nearer are `coat` over `vest` \
+              (0.2600 mm), `coat` over `skin` (0.2800 mm)"]
+        );
+    }
+
+    #[test]
+    fn slivers_are_noted_below_a_micrometre_or_what_a_garment_opens_to() {
+        let pair = |outer: &str| PairReport { outer: outer.into(), ..PairReport::default() };
+        let thin = |distance, are_neighbours| {
+            let primitives = Primitives::VertexTriangle(3919, [3918, 4007, 3980]);
+            Some(PrimitiveDistance { distance, error: 0.0, primitives, are_neighbours })
+        };
+        let found = Verification {
+            pairs: vec![pair("vest"), pair("coat"), pair("coat")],
+            own_primitive_distances: vec![thin(2e-5, true), thin(4e-8, true)],
+            ..Verification::default()
+        };
+        let notes = found.notes("skin");
+        let [note] = &notes[..] else { panic!("{notes:?}") };
+        assert_eq!(
+            note,
+            "`coat`: vertex 3919 and triangle [3918, 4007, 3980] are 4.0e-5 mm apart, a sliver: too \
+             near for simulators with a barrier"
+        );
+        let moved_apart = Some(MovedApart { goal: 1e-3, ..MovedApart::default() });
+        let report = ResolveReport { after: found, moved_apart, ..ResolveReport::default() };
+        assert_eq!(report.notes("skin").len(), 2);
     }
 
     #[test]

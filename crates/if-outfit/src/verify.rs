@@ -42,11 +42,14 @@ pub fn verify(outfit: &Outfit) -> Result<Verification, OutfitError> {
 fn verified(outfit: &Outfit) -> Verification {
     let start = Instant::now();
     let welded = Welded::new(outfit);
+    let given = outfit;
     let outfit = welded.as_ref().map_or(outfit, |w| &w.outfit);
     let (findings, closed) = verify_layers(outfit, None);
     let body = (closed[0].body_report(), body_own_pairs(outfit, &closed[0]));
     let mut found = Verification::new(outfit, body, &findings, 0.0);
     distances::measure(outfit, &closed, &mut found);
+    // By the vertices that were given.
+    distances::measure_primitives(given, &mut found);
     found.seconds = start.elapsed().as_secs_f64();
     found
 }

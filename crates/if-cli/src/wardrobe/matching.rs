@@ -45,6 +45,9 @@ pub(crate) struct MatchArgs {
     /// Do it again even if it is done.
     #[arg(long)]
     pub(crate) again: bool,
+    /// Do not draw.
+    #[arg(long)]
+    pub(crate) no_pictures: bool,
     /// Print the result as JSON, and no tables.
     #[arg(long)]
     pub(crate) json: bool,
@@ -56,10 +59,11 @@ const PICTURE_HEIGHT: u32 = 640;
 /// Runs the command.
 pub(super) fn run(args: &MatchArgs) -> Result<End, Report> {
     let wardrobe = open(&args.root)?;
+    let height = if args.no_pictures { 0 } else { PICTURE_HEIGHT };
     let params = MatchParams {
         body: true,
         unproven: args.write_unproven,
-        ..match_params(&args.params, args.fields, PICTURE_HEIGHT)?
+        ..match_params(&args.params, args.fields, height)?
     };
     let combination = Combination { body: args.body.clone(), garments: args.garments.clone() };
     let dresser = Dresser::new(&wardrobe, AlignParams::default());
@@ -76,6 +80,9 @@ pub(super) fn run(args: &MatchArgs) -> Result<End, Report> {
         print_json(&result)?;
     } else {
         print(&text(&result, &args.out, placed))?;
+    }
+    for line in result.notes() {
+        note(&line);
     }
     if let Some(error) = &result.error {
         note(&format!("{}: {}", error.kind, error.message));
@@ -104,9 +111,11 @@ fn text(result: &MatchResult, out: &Path, placed: Placed) -> String {
     let mut text = format!("{}\n", result.combination);
     for (name, a) in result.combination.garments.iter().zip(&result.alignments) {
         text += &format!(
-            "  {name}: {:?}, moved {:.1} mm on average, {:.1} % inside the body (own body {:.1} %)\n",
+            "  {name}: {:?}, moved {:.1} mm on average, strain {:.1} % rms, {:.1} % p99, {:.1} % inside the body (own body {:.1} %)\n",
             a.method,
             a.moved.mean * 1e3,
+            a.strain.rms * 1e2,
+            a.strain.p99 * 1e2,
             a.inside[1] * 1e2,
             a.inside[0] * 1e2
         );

@@ -235,6 +235,39 @@ fn where_a_garment_is_worn_can_be_said_and_a_batch_may_write_no_meshes() {
 }
 
 #[test]
+fn what_a_garment_is_strained_by_to_fit_another_body_is_printed_and_listed() {
+    let folder = belts();
+    let huge = body();
+    let twice = huge.vertices().iter().map(|p| Point::new(p.x * 1.8, p.y * 1.2, p.z * 1.8));
+    folder.write("huge.ply", ply(&huge.with_vertices(twice.collect()).unwrap()));
+    folder.ifg("wardrobe add w --body huge --mesh huge.ply").expect(0);
+    let run = folder.ifg("wardrobe match w --body huge belt0 --no-pictures --out look").expect(0);
+    assert!(run.stdout.contains(" % rms, ") && run.stdout.contains(" % p99, "), "{}", run.stdout);
+    let note = "`belt0`: to fit `huge`, one edge in a hundred was strained by ";
+    assert!(run.stderr.contains(note), "{}", run.stderr);
+    let files = results(&folder, "look");
+    assert!(files.iter().all(|(path, _)| path.extension().is_none_or(|end| end != "png")));
+    // A body that is a tenth larger is no other size.
+    let run = folder.ifg("wardrobe match w --body large belt0 --no-pictures --out fits").expect(0);
+    assert!(!run.stderr.contains("one edge in a hundred"), "{}", run.stderr);
+    folder.write(
+        "list.toml",
+        "[[outfit]]\nbody = \"huge\"\ngarments = [\"belt0\"]\n\
+         [[outfit]]\nbody = \"slim\"\ngarments = [\"belt0\"]\n",
+    );
+    folder.ifg("wardrobe batch w --list list.toml --no-pictures --no-meshes --out done").expect(0);
+    let summary: Value = serde_json::from_slice(&folder.read("done/summary.json")).unwrap();
+    let strain = |k: usize| summary["entries"][k]["alignment_strain"].as_f64().unwrap();
+    assert!(strain(0) > 0.5 && strain(1) < 0.01, "{summary}");
+    let rows = String::from_utf8(folder.read("done/summary.csv")).unwrap();
+    let column = |row: &str| row.split(',').nth(7).unwrap().to_owned();
+    let mut rows = rows.lines().map(column);
+    assert_eq!(rows.next().as_deref(), Some("alignment_strain_p99_percent"));
+    let listed: f64 = rows.next().unwrap().parse().unwrap();
+    assert!((listed - 1e2 * strain(0)).abs() < 0.01, "{listed}");
+}
+
+#[test]
 fn a_wardrobe_is_filled_listed_and_matched() {
     let folder = belts();
     let list = folder.ifg("wardrobe list w --json").expect(0).json();

@@ -19,7 +19,7 @@ const MARGIN: Real = 2.0;
 
 /// Most gap of a garment to itself, in metres. With 0.3 mm single edges of two of the 14 test outfits are
 /// strained by 156 and 220 %: folds that were made nearer.
-const OWN: Real = 1e-4;
+pub(crate) const OWN: Real = 1e-4;
 
 impl Walker {
     /// Moves layers apart in the rest state. Where a whole gap is not clean, less is kept.

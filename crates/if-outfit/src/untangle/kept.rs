@@ -6,13 +6,20 @@ use if_core::intersect::Contact;
 use if_core::mesh::TriMesh;
 use if_mesh::index::Bvh;
 use if_mesh::intersections::own_pairs;
+use std::collections::BTreeSet;
 
 /// The largest number of pairs that are named.
 const NAMED: usize = 256;
 
 /// The own pairs of `mesh` that the input had, `given`, with the reason why each is kept. `untangled`
-/// are those that untangling left before the garment settled. Both are sorted.
-pub(crate) fn kept(mesh: &TriMesh, given: &[[u32; 2]], untangled: &[[u32; 2]]) -> Vec<KeptOwnPair> {
+/// are those that untangling left before the garment settled, and `costly` those that came apart at too
+/// high a cost. `given` and `untangled` are sorted.
+pub(crate) fn kept(
+    mesh: &TriMesh,
+    given: &[[u32; 2]],
+    untangled: &[[u32; 2]],
+    costly: &BTreeSet<[u32; 2]>,
+) -> Vec<KeptOwnPair> {
     let edges = Edges::new(mesh);
     let is_fan =
         |t: u32| edges.of_triangle[t as usize].iter().any(|e| edges.valence[*e as usize] > 2);
@@ -23,6 +30,7 @@ pub(crate) fn kept(mesh: &TriMesh, given: &[[u32; 2]], untangled: &[[u32; 2]]) -
         let reason = match pair.contact {
             Contact::Coplanar => KeptReason::Coincident,
             _ if triangles.into_iter().any(is_fan) => KeptReason::NonManifold,
+            _ if costly.contains(&triangles) => KeptReason::Strain,
             _ if untangled.binary_search(&triangles).is_err() => KeptReason::Layers,
             _ => KeptReason::Contour,
         };
@@ -51,13 +59,15 @@ mod tests {
         t.extend([[12, 13, 15], [13, 12, 16]]);
         let mesh = TriMesh::new(v, t).unwrap();
         let given = [[0, 1], [0, 2], [0, 3], [0, 4]];
-        let found = kept(&mesh, &given, &[[0, 1]]);
+        let found = kept(&mesh, &given, &[[0, 1]], &BTreeSet::from([[0, 3]]));
         let reason = |a: u32, b: u32| found.iter().find(|k| k.triangles == [a, b]).unwrap().reason;
         assert_eq!(reason(0, 1), KeptReason::Contour);
         assert_eq!(reason(0, 2), KeptReason::Layers);
         assert_eq!(reason(0, 3), KeptReason::Coincident);
         assert_eq!(reason(0, 4), KeptReason::NonManifold);
-        let known = kept(&mesh, &given[..2], &[]);
+        let costly = kept(&mesh, &given, &[[0, 1]], &BTreeSet::from([[0, 1]]));
+        assert_eq!(costly[0], KeptOwnPair { triangles: [0, 1], reason: KeptReason::Strain });
+        let known = kept(&mesh, &given[..2], &[], &BTreeSet::new());
         assert_eq!(known.len(), 2, "what the input did not have is new, and not kept");
     }
 }

@@ -39,7 +39,7 @@ const STEP: Real = 2e-3;
 /// A part of a garment, with its own numbers for vertices and triangles.
 pub(super) struct Patch<'a> {
     garment: &'a Layer,
-    params: &'a ResolveParams,
+    pub(super) params: &'a ResolveParams,
     /// For each vertex that of the garment.
     vertices: Vec<u32>,
     /// The part in the input: the cloth at rest.
@@ -57,6 +57,7 @@ pub(super) struct Patch<'a> {
 }
 
 /// What a patch came to.
+#[derive(Clone)]
 pub(super) struct Outcome {
     /// Own pairs of the patch.
     pub(super) pairs: Vec<[u32; 2]>,

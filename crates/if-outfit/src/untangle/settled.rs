@@ -12,6 +12,7 @@ use if_core::math::Point;
 use if_core::monitor::{Cancelled, Monitor};
 use if_mesh::measure::{displacement, strain};
 use if_mesh::solid::ClosedLayer;
+use std::collections::BTreeSet;
 use std::sync::Arc;
 
 /// Maximum vertices that are verified against layers for a garment: some seconds, where thousands of small parts meet
@@ -19,7 +20,8 @@ use std::sync::Arc;
 const VERIFIED: usize = 20_000_000;
 
 /// Untangles the settled garments of `input` that intersect themselves. `closed` are their closed
-/// layers, the body first, and follow. Returns for each garment the rounds made.
+/// layers, the body first, and follow. `costly` receives for each garment what [`untangle`] finds so.
+/// Returns for each garment the rounds made.
 ///
 /// # Errors
 ///
@@ -29,6 +31,7 @@ pub(crate) fn untangle_settled(
     dressed: &mut [Dressed],
     closed: &mut Vec<Arc<ClosedLayer>>,
     params: &ResolveParams,
+    costly: &mut [BTreeSet<[u32; 2]>],
     monitor: &mut dyn Monitor,
 ) -> Result<Vec<usize>, Cancelled> {
     let mut rounds = vec![0; dressed.len()];
@@ -75,7 +78,8 @@ pub(crate) fn untangle_settled(
         let (garment, count) = (&input.garments[index], dressed.len());
         let mut progress = GarmentProgress { monitor, name: &garment.name, index, count };
         let mut report = |pairs| progress.report(UNTANGLE, 0, Some(pairs));
-        let result = untangle(garment, &start, params, &mut is_as_clean, &mut report)?;
+        let costly = &mut costly[index];
+        let result = untangle(garment, &start, params, costly, &mut is_as_clean, &mut report)?;
         if let (Some(untangled), Some((findings, layers))) = (result, found) {
             *closed = layers;
             for (dressed, findings) in dressed.iter_mut().zip(findings) {

@@ -7,7 +7,7 @@ use if_body::align::{AlignParams, AlignReport};
 use if_core::parameter::ParameterError;
 use if_outfit::files::ResolvedFiles;
 use if_outfit::outfit::Outfit;
-use if_outfit::report::ResolveReport;
+use if_outfit::report::{ResolveReport, is_drawn};
 use if_outfit::resolve::ResolveParams;
 use if_outfit::{Method, Pinch};
 use if_render::Image;
@@ -114,6 +114,24 @@ pub struct MatchResult {
     pub request: MatchRequest,
     /// The other files that are the same in every run.
     pub outputs: Vec<crate::asset::FileInfo>,
+}
+
+impl MatchResult {
+    /// What a person should know, in sentences: garments that were strained much to fit the body
+    /// ([`is_drawn`]), and [`ResolveReport::notes`].
+    pub fn notes(&self) -> Vec<String> {
+        let Combination { body, garments } = &self.combination;
+        let aligned = garments.iter().zip(&self.alignments);
+        let drawn = aligned.filter(|(_, alignment)| is_drawn(&alignment.strain));
+        let note = |(name, alignment): (&String, &AlignReport)| {
+            format!(
+                "`{name}`: to fit `{body}`, one edge in a hundred was strained by {:.0} % or more; is it made for another size?",
+                1e2 * alignment.strain.p99
+            )
+        };
+        let resolved = self.report.iter().flat_map(|report| report.notes(body));
+        drawn.map(note).chain(resolved).collect()
+    }
 }
 
 /// Everything that decides a result; its hash is the key.

@@ -20,6 +20,9 @@ pub struct Entry {
     pub pairs: [usize; 2],
     /// Vertices on the wrong side before and after.
     pub inside: [usize; 2],
+    /// Largest strain of the hundredth part of a garment's edges by the alignment with the body.
+    #[serde(default)]
+    pub alignment_strain: f64,
     /// Largest displacement of a vertex by resolving, in metres.
     pub moved: f64,
     /// Largest strain of an edge by resolving.
@@ -67,6 +70,7 @@ impl Entry {
             error: result.error.clone(),
             pairs: report.map_or([0; 2], |r| [r.before.total_pairs(), r.after.total_pairs()]),
             inside: report.map_or([0; 2], |r| [r.before.total_inside(), r.after.total_inside()]),
+            alignment_strain: result.alignments.iter().map(|a| a.strain.p99).fold(0.0, f64::max),
             moved: largest(|l| l.moved.max),
             strain: largest(|l| l.strain.max),
             folder,
@@ -83,6 +87,7 @@ impl Entry {
             folder: String::new(),
             pairs: [0; 2],
             inside: [0; 2],
+            alignment_strain: 0.0,
             moved: 0.0,
             strain: 0.0,
             seconds: None,
