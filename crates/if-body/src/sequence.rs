@@ -153,10 +153,10 @@ impl BodySequence {
         for path in &files {
             let file = MeshFile::read(path)?;
             let frame = || FrameSource::File(path.clone());
-            check_positions(&frame, file.mesh().vertices(), rest.vertices().len())?;
+            check_positions(frame, file.mesh().vertices(), rest.vertices().len())?;
             check_triangles(path, &file, rest)?;
-            check_size(&frame, file.mesh(), rest)?;
-            check_handedness(&frame, file.mesh(), &at_rest)?;
+            check_size(frame, file.mesh(), rest)?;
+            check_handedness(frame, file.mesh(), &at_rest)?;
         }
         let frames = files.into_iter().map(Frame::File).collect();
         Ok(Self { frames, vertices: rest.vertices().len(), frames_per_second })
@@ -179,10 +179,10 @@ impl BodySequence {
         let (mut checked, at_rest) = (Vec::new(), Volume::of(rest));
         for (number, positions) in frames.into_iter().enumerate() {
             let frame = || FrameSource::Positions(number);
-            check_positions(&frame, &positions, vertices)?;
+            check_positions(frame, &positions, vertices)?;
             let mesh = rest.with_vertices(positions.clone()).expect("as many vertices, all finite");
-            check_size(&frame, &mesh, rest)?;
-            check_handedness(&frame, &mesh, &at_rest)?;
+            check_size(frame, &mesh, rest)?;
+            check_handedness(frame, &mesh, &at_rest)?;
             checked.push(Frame::Positions(positions.into()));
         }
         if checked.is_empty() {

@@ -108,6 +108,7 @@ pub fn between_frames(
         }
         Ok(())
     };
-    each((vec![0..total], 1), examine, &mut counted(monitor, "between frames", (0, total)))?;
+    let all = 0..total;
+    each((vec![all], 1), examine, &mut counted(monitor, "between frames", (0, total)))?;
     Ok(found.into_inner().unwrap_or_else(PoisonError::into_inner))
 }
