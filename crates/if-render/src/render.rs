@@ -8,7 +8,7 @@ use crate::{color, light, occlusion};
 use if_core::math::Vector;
 use rayon::prelude::*;
 
-/// Largest number of pixels of a picture: 8192 × 8192, for which samples take about 10 GB.
+/// Largest number of pixels of a picture: 8192 × 8192.
 const MOST_PIXELS: u128 = 1 << 26;
 
 /// Draws one view of the scene, scaled to fill the picture.

@@ -338,7 +338,7 @@ fn a_body_that_turns_round_between_frames_is_not_examined_to_the_end() {
         pose.rotations[0] = UnitQuaternion::from_axis_angle(&Vector::y_axis(), angle);
         pose
     };
-    let motion = Motion::new(30.0, vec![turned(0.0), turned(std::f64::consts::PI)]);
+    let motion = Motion::new(30.0, vec![turned(0.0), turned(std::f64::consts::PI)]).unwrap();
     let folder = tempfile::tempdir().unwrap();
     let done =
         animate(&outfit, &motion, &AnimateParams::default(), folder.path(), &mut Silent).unwrap();
@@ -376,7 +376,7 @@ fn a_cut_parts_a_motion() {
     assert!(report.frames[2].jitter.max > 0.0 && report.frames[3].jitter.max == 0.0);
     // Each part is as it is alone, but for rounding.
     let [first, second] =
-        [0..3, 3..6].map(|part| run(&Motion::new(30.0, whole.poses[part].to_vec())));
+        [0..3, 3..6].map(|part| run(&Motion::new(30.0, whole.poses[part].to_vec()).unwrap()));
     assert!(first.0.cuts.is_empty() && second.0.cuts.is_empty());
     for (k, (a, b)) in frames.iter().zip(first.1.iter().chain(&second.1)).enumerate() {
         let far = a.iter().zip(b).map(|(a, b)| (a - b).norm()).fold(0.0, f64::max);
