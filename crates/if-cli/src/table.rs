@@ -299,14 +299,16 @@ fn least_distances(report: &ResolveReport) -> String {
         return String::new();
     };
     let own = report.after.own_least_distances.iter().flatten().map(|least| least.distance);
-    let own = own.reduce(f64::min).map_or(String::new(), |own| {
-        format!("; of a garment to itself: {} mm", fine_millimetres(own))
-    });
+    let own = own.reduce(f64::min);
     let primitives = report.after.own_primitive_distances.iter().flatten();
-    let thinnest = primitives.filter(|least| least.are_neighbours).map(|least| least.distance);
-    let thinnest = thinnest.reduce(f64::min).map_or(String::new(), |least| {
-        let least = fine_millimetres(least);
+    let thinnest = primitives.map(|least| least.distance).reduce(f64::min);
+    let thinnest =
+        thinnest.map(fine_millimetres).filter(|mm| own.map(fine_millimetres).as_ref() != Some(mm));
+    let thinnest = thinnest.map_or(String::new(), |least| {
         format!("Of primitives of a garment that share no vertex: {least} mm.\n")
+    });
+    let own = own.map_or(String::new(), |own| {
+        format!("; of a garment to itself: {} mm", fine_millimetres(own))
     });
     let (least, share) = (fine_millimetres(least), 100.0 * share);
     let moved = report.moved_apart.map_or(String::new(), |apart| {
