@@ -509,7 +509,7 @@ fn motion_can_be_cancelled_and_invalid_parameters_are_errors() {
         whole.report.rounds
     );
     let bad = run(MotionParams { bending: 0.0, ..Default::default() }, usize::MAX).unwrap_err();
-    assert!(bad.to_string().contains("surface.bending"), "{bad}");
+    assert!(bad.to_string().contains("bending"), "{bad}");
 }
 
 #[test]
