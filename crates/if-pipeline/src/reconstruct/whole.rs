@@ -465,7 +465,7 @@ mod tests {
         let cleanup = CleanupParams { fill: Some(fill), ..Default::default() };
         let rays = FieldsParams { rays: 0, ..Default::default() };
         type Spoil<'a> = &'a dyn Fn(&mut ReconstructParams);
-        let spoilt: [(&str, Spoil<'_>); 11] = [
+        let spoilt: [(&str, Spoil<'_>); 12] = [
             ("cell", &|p| p.cell = Real::NAN),
             ("surface.bending", &|p| p.surface.bending = 0.0),
             ("fields.rays", &|p| p.fields = Some(rays.clone())),
@@ -475,6 +475,7 @@ mod tests {
             ("bake.cell", &|p| p.bake = Some(bake)),
             ("phi.sampling.near", &phi),
             ("garments.votes.enough", &|p| p.garments.votes.enough = 0.0),
+            ("garments.smoothness.length", &|p| p.garments.smoothness.length = -1.0),
             ("garments.cut.least", &|p| p.garments.cut = CutParams { least: 0.9 }),
             ("garments.cleanup.fill.exact_up_to", &|p| p.garments.cleanup = cleanup.clone()),
         ];
