@@ -205,16 +205,9 @@ fn named_by(
     }
     if let Content::Ply(ply) = file.content() {
         for line in ply.comments.iter().filter_map(|comment| texture_file(comment)) {
-            match texture_of(folder, line) {
-                Some(name) => named.push(Named {
-                    source: folder.join(&name),
-                    name: plain(Path::new(&name)),
-                    of: layer.written.clone(),
-                }),
-                None => missing.push(format!(
-                    "{}: the texture `{line}` is not in its folder, and not copied",
-                    layer.written
-                )),
+            match texture(folder, Path::new(""), line, &layer.written) {
+                Ok(found) => named.push(found),
+                Err(note) => missing.push(note),
             }
         }
     }
@@ -232,15 +225,9 @@ fn named_by(
             let text = read(&path, &layer.written)?;
             let beside = Path::new(&library).parent().unwrap_or(Path::new(""));
             for line in textures(&text) {
-                match texture_of(&folder.join(beside), &line) {
-                    Some(name) => {
-                        let source = folder.join(beside).join(&name);
-                        let of = library.clone();
-                        named.push(Named { name: plain(&beside.join(name)), source, of });
-                    }
-                    None => missing.push(format!(
-                        "{library}: the texture `{line}` is not in its folder, and not copied"
-                    )),
+                match texture(folder, beside, &line, &library) {
+                    Ok(found) => named.push(found),
+                    Err(note) => missing.push(note),
                 }
             }
             let (name, of) = (plain(Path::new(&library)), layer.written.clone());
@@ -248,6 +235,15 @@ fn named_by(
         }
     }
     Ok(named)
+}
+
+/// The texture that a line of `of` names, in the folder `beside` from that of the layer, or a note that it is missing.
+fn texture(folder: &Path, beside: &Path, line: &str, of: &str) -> Result<Named, String> {
+    let name = texture_of(&folder.join(beside), line).ok_or_else(|| {
+        format!("{of}: the texture `{line}` is not in its folder, and not copied")
+    })?;
+    let name = beside.join(name);
+    Ok(Named { source: folder.join(&name), name: plain(&name), of: of.to_owned() })
 }
 
 /// What a comment of a PLY file names as a texture, as MeshLab and programs for scans write it.

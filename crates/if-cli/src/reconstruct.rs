@@ -268,7 +268,9 @@ pub(crate) fn run(args: &ReconstructArgs) -> Result<End, Report> {
     ))?;
     let request = Request::new(args, (&capture, &made_of), paths.files())
         .map_err(fault("cannot read what is to be reconstructed", "look at the files named"))?;
-    if let Some(finished) = request.finished(&args.out, &name).filter(|_| !args.again) {
+    if !args.again
+        && let Some(finished) = request.finished(&args.out, &name)
+    {
         state.remove();
         drop((running, line));
         finished.tell(&name, args)?;

@@ -15,6 +15,13 @@ pub struct FileDigest {
     pub sha256: String,
 }
 
+impl FileDigest {
+    /// Whether there is a file at `path`, and this is its digest.
+    pub fn is_of(&self, path: &Path) -> bool {
+        of_file(path).is_ok_and(|found| found == *self)
+    }
+}
+
 /// Of bytes in memory.
 pub fn digest(bytes: &[u8]) -> FileDigest {
     let mut parts = DigestOfParts::default();

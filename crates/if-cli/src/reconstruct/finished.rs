@@ -75,9 +75,7 @@ impl Request {
     pub(super) fn finished(&self, wardrobe: &Path, clothed: &str) -> Option<Finished> {
         let path = wardrobe.join(CLOTHED).join(clothed).join(FILE);
         let finished: Finished = serde_json::from_slice(&fs::read(path).ok()?).ok()?;
-        let is_intact = |(file, digest): (&String, &FileDigest)| {
-            of_file(&wardrobe.join(file)).is_ok_and(|now| now == *digest)
-        };
+        let is_intact = |(file, digest): (&String, &FileDigest)| digest.is_of(&wardrobe.join(file));
         (finished.request == *self && finished.outputs.iter().all(is_intact)).then_some(finished)
     }
 

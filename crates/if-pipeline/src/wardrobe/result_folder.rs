@@ -173,9 +173,7 @@ pub(super) fn is_result(folder: &Path) -> bool {
 /// The result in a folder, if all its files have the recorded hashes.
 pub(super) fn read(folder: &Path) -> Option<MatchResult> {
     let result: MatchResult = serde_json::from_slice(&fs::read(folder.join(RESULT)).ok()?).ok()?;
-    let intact = |file: &FileInfo| {
-        of_file(&folder.join(&file.file)).is_ok_and(|found| found == file.content)
-    };
+    let intact = |file: &FileInfo| file.content.is_of(&folder.join(&file.file));
     result.outputs.iter().all(intact).then_some(result)
 }
 
