@@ -41,6 +41,7 @@ mod resolved;
 pub use error::FilesError;
 pub use resolved::{ResolvedFiles, drawn_back_name};
 
+use crate::distances;
 use crate::layer_fields::FieldOfGarment;
 use crate::outfit::{Layer, Outfit, OutfitError};
 use crate::prepared_body::PreparedBody;
@@ -246,6 +247,9 @@ impl OutfitFiles {
         // step here where the solver made them in several.
         if splits.iter().any(Option::is_some) || stored != outfit {
             verify_result(&mut report, &fine.outfit, &stored);
+            if params.goal.least_distance > 0.0 {
+                distances::measure_primitives(&stored, &mut report.after);
+            }
             report.compare_distances(params.goal.clearance);
         }
         let unresolved = Unresolved::of(&fine.outfit, (&stored, &report));

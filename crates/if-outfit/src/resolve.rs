@@ -12,7 +12,7 @@ use crate::settle::Settings;
 use crate::sewn::Sewn;
 use crate::splitting;
 use crate::unresolved::Unresolved;
-use crate::verify::{body_own_pairs, verify, verify_result};
+use crate::verify::{body_own_pairs, verified, verify_result};
 use crate::welded::{Welded, seams_hold};
 use if_core::math::Point;
 use if_core::monitor::{Cancelled, Monitor};
@@ -192,7 +192,7 @@ fn resolve_on_drawn_back(
     let Some((body, drawn)) = drawn else {
         return resolve_on_body(outfit, settings, monitor);
     };
-    let before = verify(outfit)?;
+    let before = verified(outfit);
     let yielded = Outfit { body, garments: outfit.garments.clone() };
     let complete = |resolved: &mut Resolved| {
         resolved.report.before = before;
@@ -254,7 +254,8 @@ fn resolve_on_body(
         let is_split = attempt.splits.iter().any(Option::is_some);
         let given = if is_split { &attempt.outfit } else { outfit };
         verify_result(&mut report, given, &found);
-    } else if params.goal.least_distance > 0.0 {
+    }
+    if params.goal.least_distance > 0.0 {
         // A tenth of the time of three garments.
         distances::measure_primitives(&found, &mut report.after);
     }

@@ -35,21 +35,22 @@ use tracing::trace_span;
 /// The outfit is invalid: see [`OutfitError`].
 pub fn verify(outfit: &Outfit) -> Result<Verification, OutfitError> {
     outfit.check()?;
-    Ok(verified(outfit))
+    let start = Instant::now();
+    let mut found = verified(outfit);
+    distances::measure_primitives(outfit, &mut found);
+    found.seconds = start.elapsed().as_secs_f64();
+    Ok(found)
 }
 
-/// [`verify`] of an outfit that was checked, or is the result of one that was.
-fn verified(outfit: &Outfit) -> Verification {
+/// [`verify`] of an outfit that was checked, or is the result of one that was, without distances of primitives.
+pub(crate) fn verified(outfit: &Outfit) -> Verification {
     let start = Instant::now();
     let welded = Welded::new(outfit);
-    let given = outfit;
     let outfit = welded.as_ref().map_or(outfit, |w| &w.outfit);
     let (findings, closed) = verify_layers(outfit, None);
     let body = (closed[0].body_report(), body_own_pairs(outfit, &closed[0]));
     let mut found = Verification::new(outfit, body, &findings, 0.0);
     distances::measure(outfit, &closed, &mut found);
-    // By the vertices that were given.
-    distances::measure_primitives(given, &mut found);
     found.seconds = start.elapsed().as_secs_f64();
     found
 }

@@ -8,7 +8,7 @@
 //!   summary.csv, report.html    the same with seconds
 //! ```
 
-use super::begun::{self, Begun};
+use super::begun;
 use super::combination::Combination;
 use super::dresser::Dresser;
 use super::error::WardrobeError;
@@ -97,7 +97,6 @@ pub fn run(
             let next = next.fetch_add(1, Ordering::SeqCst);
             let Some(index) = order.get(next).copied() else { break };
             let combination = &combinations[index];
-            let _begun = Begun::mark(out, combination);
             let mut monitor = |progress: &Progress<'_>| {
                 if cancelled.load(Ordering::SeqCst)
                     || watch(&Event::Working(index, progress)).is_break()
@@ -107,7 +106,7 @@ pub fn run(
                 }
                 ControlFlow::Continue(())
             };
-            let into = (&results, whole.as_deref());
+            let into = (out, &results, whole.as_deref());
             let one = || run_into(into, dresser, combination, params, batch.again, &mut monitor);
             let outcome = catch_unwind(AssertUnwindSafe(one)).unwrap_or_else(|panic| {
                 Err(WardrobeError::Panic { message: panic_message(panic.as_ref()) })
@@ -166,6 +165,7 @@ pub fn run(
         entries,
     };
     write_summary(out, &summary)?;
+    begun::clear(out);
     Ok(Some(summary))
 }
 

@@ -30,6 +30,11 @@ impl Drop for Begun {
     }
 }
 
+/// Removes what is left of runs that were killed, when all is done.
+pub(super) fn clear(out: &Path) {
+    let _ = fs::remove_dir_all(out.join(FOLDER));
+}
+
 fn path(out: &Path, combination: &Combination) -> PathBuf {
     let name = digest(combination.to_string().as_bytes()).sha256;
     out.join(FOLDER).join(&name[..DIGITS])

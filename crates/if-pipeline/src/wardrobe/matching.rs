@@ -17,6 +17,7 @@ pub use super::result::{
 };
 
 use super::WardrobeError;
+use super::begun::Begun;
 use super::combination::Combination;
 use super::dresser::{Dressed, Dresser};
 use super::layer_fields;
@@ -191,14 +192,14 @@ fn meshes(outfit: &Outfit) -> Vec<&TriMesh> {
     outfit.layers().map(|l| &l.mesh).collect()
 }
 
-/// Resolves a combination, or takes what `results` holds of it already. Returns `true` in the second
-/// case.
+/// Resolves a combination of a batch in the folder `batch`, or takes what `results` holds of it already.
+/// Returns `true` in the second case.
 ///
 /// # Errors
 ///
 /// As [`run`], and errors of the folder.
 pub(super) fn run_into(
-    (results, others): (&FolderWriter, Option<&Path>),
+    (batch, results, others): (&Path, &FolderWriter, Option<&Path>),
     dresser: &Dresser,
     combination: &Combination,
     params: &MatchParams,
@@ -211,6 +212,7 @@ pub(super) fn run_into(
     if !again && let Some(found) = places.find_map(|place| finished(&place.join(name), &key)) {
         return Ok((found, true));
     }
+    let _begun = Begun::mark(batch, combination);
     let mut matched = run(dresser, combination, params, monitor)?;
     results.write(name, |folder| {
         result_folder::fill(folder, &mut matched, (params, false), dresser.wardrobe())
