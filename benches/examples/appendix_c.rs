@@ -71,9 +71,8 @@ fn main() -> Result<(), Box<dyn Error>> {
         ClosedLayer::garment(&resolved.outfit.garments[k].mesh, &closed_body, &outfit.body.mesh)
     });
     let mask = BoxesMask::new(inner.iter().map(|l| l.bvh().aabb()))?;
-    let outside: Vec<usize> = (0..jacket.vertices().len())
-        .filter(|v| mask.weight(&jacket.vertices()[*v]).0 == 0.0)
-        .collect();
+    let outside: Vec<usize> =
+        (0..jacket.vertices().len()).filter(|v| !mask.binds(&jacket.vertices()[*v])).collect();
     println!(
         "{} of the jacket's {} vertices lie outside both boxes. How far they move:\n",
         outside.len(),

@@ -191,7 +191,7 @@ fn print_garment(
     let boxes = BoxesMask::new(below[1..].iter().map(|layer| layer.bvh().aabb()))?;
     let vertices = garment.mesh.vertices();
     let weights: Vec<Real> =
-        vertices.iter().map(|p| if masked { boxes.weight(p).0 } else { 1.0 }).collect();
+        vertices.iter().map(|p| if masked { Real::from(boxes.binds(p)) } else { 1.0 }).collect();
     let next = below[below.len() - 1];
     let surface: TriMesh = next.to_mesh();
     let inner = InnerSurface::new(&surface, next.bvh());

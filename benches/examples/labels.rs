@@ -21,8 +21,8 @@ use if_core::mesh::TriMesh;
 use if_core::monitor::Silent;
 use if_mesh::index::Bvh;
 use if_mesh::labels::{
-    CutParams, ExpandParams, LabelVotes, SmoothLabelParams, UNDECIDED, VoteParams, VoteReport,
-    Voter, cut, expand_labels, smooth_labels,
+    CutParams, LabelVotes, SmoothLabelParams, UNDECIDED, VoteParams, VoteReport, Voter, cut,
+    smooth_labels,
 };
 use if_mesh::ply::{self, PlyMesh};
 use if_pipeline::capture::Capture;
@@ -34,8 +34,6 @@ type Result<T> = std::result::Result<T, Box<dyn Error>>;
 
 /// Reaches of a vote that are tried, in millimetres.
 const LENGTHS: [Real; 5] = [5.0, 10.0, 20.0, 30.0, 50.0];
-/// Prices of borders that are tried, in millimetres.
-const BORDERS: [Real; 4] = [2.0, 5.0, 10.0, 20.0];
 /// Margins that are tried, in pixels.
 const MARGINS: [usize; 4] = [0, 1, 2, 3];
 /// Rounds of the mean filter.
@@ -121,16 +119,6 @@ fn judge(
             &mut Silent,
         )?;
         print("smooth_labels (mm)", length, &scores.winners(), 1e3 * start.elapsed().as_secs_f64());
-    }
-    for border in BORDERS {
-        let start = Instant::now();
-        let found = expand_labels(
-            mesh,
-            votes,
-            &ExpandParams { border: 1e-3 * border, ..Default::default() },
-            &mut Silent,
-        )?;
-        print("expand_labels (mm)", border, &found.labels, 1e3 * start.elapsed().as_secs_f64());
     }
     // What a user gets is cut at once: borders and pieces are counted.
     let scores = smooth_labels(mesh, votes, &SmoothLabelParams::default(), &mut Silent)?;

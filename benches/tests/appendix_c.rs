@@ -50,12 +50,11 @@ impl Scene {
         let below = ClothedBody { field: &field, mask: masked.then(|| self.boxes()), air: None };
         let after = run(&self.jacket, &below, params).unwrap();
         let boxes = self.boxes();
-        let select = |weight: Real| {
-            let far =
-                |(p, q): (&Point, &Point)| (boxes.weight(p).0 == weight).then(|| (p - q).norm());
+        let select = |binds: bool| {
+            let far = |(p, q): (&Point, &Point)| (boxes.binds(p) == binds).then(|| (p - q).norm());
             self.jacket.vertices().iter().zip(&after).filter_map(far).collect()
         };
-        [select(0.0), select(1.0)]
+        [select(false), select(true)]
     }
 }
 

@@ -55,7 +55,8 @@ pub fn run<F: SignedDistance + Send>(
     match &body.mask {
         None => go(body.field, &vec![1.0; garment.vertices().len()]),
         Some(mask) => {
-            let weights: Vec<Real> = garment.vertices().iter().map(|p| mask.weight(p).0).collect();
+            let weights: Vec<Real> =
+                garment.vertices().iter().map(|p| Real::from(mask.binds(p))).collect();
             go(&Masked { field: body.field, mask: mask.clone() }, &weights)
         }
     }

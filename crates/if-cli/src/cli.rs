@@ -10,8 +10,8 @@ Exit codes:
   0    clean: no intersecting triangle pairs, no vertex on a wrong side, and after `fix` no new
        intersection of a garment with itself; with --strict no intersection at all
   1    not clean: `check` found intersections, `fix`, `demo`, `wardrobe` and `animate` could not
-       remove all of them, `reconstruct --strict` warned of something, or `fit` did not reach its
-       --accuracy or diverged
+       remove all of them, `reconstruct --strict` warned of something, `fit` or `extract` did not
+       reach its --accuracy, or `fit` diverged
   2    unusable: arguments, an input, or the output folder; the message names file and cause
   75   another process writes into the output folder: try again later
   130  cancelled by Ctrl-C or SIGTERM; nothing half-written is left

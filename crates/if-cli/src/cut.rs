@@ -5,6 +5,7 @@ use crate::end::End;
 use crate::errors::ErrorChain;
 use crate::not_kept::not_kept;
 use crate::output_error::OutputError;
+use crate::pictures;
 use crate::print::{note_lines, print, print_json};
 use crate::progress::Line;
 use crate::staging::Staging;
@@ -28,8 +29,7 @@ use miette::{Diagnostic, Report};
 use serde::Serialize;
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
-use std::fs::File;
-use std::io::{self, BufWriter, Write};
+use std::io;
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
@@ -576,9 +576,7 @@ fn draw(layers: &[(u8, &TriMesh)], path: &Path) -> io::Result<()> {
         .map(|(label, mesh)| RenderLayer { mesh, color: color(*label), highlight: &[] })
         .collect();
     let image = side_by_side(&scene, &[View::FRONT, View::THREE_QUARTER, View::BACK], 400, 640);
-    let mut file = BufWriter::new(File::create(path)?);
-    image.write_png(&mut file).map_err(io::Error::other)?;
-    file.flush()
+    pictures::write(&image, path)
 }
 
 #[cfg(test)]

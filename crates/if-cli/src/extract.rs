@@ -5,6 +5,7 @@ use crate::end::End;
 use crate::errors::ErrorChain;
 use crate::not_kept;
 use crate::output_error::OutputError;
+use crate::pictures;
 use crate::print::{print, print_json};
 use crate::progress::Line;
 use crate::table;
@@ -32,12 +33,10 @@ use if_mesh::validate::faults;
 use if_neural::field::NeuralField;
 use if_neural::files::read_network;
 use if_neural::network::Network;
-use if_render::{PALETTE, RenderLayer, View, side_by_side};
+use if_render::{Image, PALETTE, RenderLayer, View, side_by_side};
 use miette::{Diagnostic, Report};
 use serde::Serialize;
 use serde_json::json;
-use std::fs::File;
-use std::io::{self, BufWriter, Write};
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 
@@ -425,15 +424,14 @@ fn write(
     if !args.no_pictures {
         for (k, mesh) in source.mesh().into_iter().chain([&found.mesh]).enumerate() {
             let fault = |source| fault(k + 1, source);
-            let mut file = BufWriter::new(File::create(target.staged(k + 1)).map_err(fault)?);
-            picture(mesh, &mut file).and_then(|()| file.flush()).map_err(fault)?;
+            pictures::write(&picture(mesh), &target.staged(k + 1)).map_err(fault)?;
         }
     }
     Ok(())
 }
 
 /// Three views of a mesh, slivers in red.
-fn picture(mesh: &TriMesh, out: impl Write) -> io::Result<()> {
+fn picture(mesh: &TriMesh) -> Image {
     const SIZE: [u32; 2] = [480, 640];
     let slivers: Vec<u32> = smallest_angles(mesh)
         .iter()
@@ -443,8 +441,6 @@ fn picture(mesh: &TriMesh, out: impl Write) -> io::Result<()> {
         .collect();
     let layer = RenderLayer { mesh, color: PALETTE[1], highlight: &slivers };
     side_by_side(&[layer], &[View::FRONT, View::THREE_QUARTER, View::BACK], SIZE[0], SIZE[1])
-        .write_png(out)
-        .map_err(io::Error::other)
 }
 
 /// What was done, for people.

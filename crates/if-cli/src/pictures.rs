@@ -30,7 +30,8 @@ pub(crate) fn draw_one(mesh: &TriMesh, path: &Path) -> io::Result<()> {
     write(&side_by_side(&layers, &VIEWS, SIZE[0], SIZE[1]), path)
 }
 
-fn write(image: &Image, path: &Path) -> io::Result<()> {
+/// Writes a picture as PNG.
+pub(crate) fn write(image: &Image, path: &Path) -> io::Result<()> {
     let mut file = BufWriter::new(File::create(path)?);
     image.write_png(&mut file).map_err(io::Error::other)?;
     file.flush()

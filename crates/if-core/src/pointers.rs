@@ -30,7 +30,7 @@ mod tests {
     use crate::aabb::Aabb;
     use crate::closest::{Closest, ClosestPoint, Feature};
     use crate::field::{FieldSample, SignedDistance};
-    use crate::masked::{BoxMask, Mask, Masked, NearMask};
+    use crate::masked::{BoxMask, Mask, Masked};
     use crate::math::{Point, Real, Vector};
     use crate::shapes::{Sphere, Union};
     use std::sync::Arc;
@@ -126,11 +126,10 @@ mod tests {
         );
         assert_eq!(Masked { field: Arc::new(BALL), mask: Arc::new(all) }.distance(&p), -0.5);
         assert_eq!(Union(field, Arc::new(BALL)).distance(&p), -0.5);
-        // A garment that is borrowed, owned or shared.
-        let weight = |mask: &dyn Mask| mask.weight(&p).0;
-        assert_eq!(weight(&NearMask::new(&Distinct, 0.6, 1.0).unwrap()), 1.0);
-        assert_eq!(weight(&NearMask::new(&Distinct as &dyn ClosestPoint, 0.0, 1.0).unwrap()), 0.5);
-        assert_eq!(weight(&NearMask::new(Box::new(Distinct), 0.0, 0.4).unwrap()), 0.0);
-        assert_eq!(weight(&&NearMask::new(Arc::new(Distinct), 0.0, 1.0).unwrap()), 0.5);
+        // A surface that is borrowed, owned or shared.
+        let away = |surface: &dyn ClosestPoint| surface.closest(&p, 1.0).unwrap().distance;
+        assert_eq!(away(&&Distinct), 0.5);
+        assert_eq!(away(&(Box::new(Distinct) as Box<dyn ClosestPoint>)), 0.5);
+        assert_eq!(away(&Arc::new(Distinct)), 0.5);
     }
 }

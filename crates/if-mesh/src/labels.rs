@@ -4,7 +4,6 @@
 //! |---|---|
 //! | label images of many frames vote on the vertices of a moving mesh | [`Voter`] |
 //! | votes become smooth scores, so that every vertex gets a label and borders become lines | [`smooth_labels`] |
-//! | or labels with short borders, by minimum cuts | [`expand_labels`] |
 //! | the mesh is cut into one piece per label | [`cut`](cut()) |
 //!
 //! # Examples
@@ -26,7 +25,6 @@
 mod contradictions;
 mod cut;
 mod error;
-mod expansion;
 mod image_edges;
 mod laplacian;
 mod origin;
@@ -39,7 +37,6 @@ mod votes;
 pub use contradictions::Contradiction;
 pub use cut::{CutParams, Piece, cut};
 pub use error::LabelError;
-pub use expansion::{ExpandParams, Expanded, expand_labels};
 pub use origin::Origin;
 pub use scores::LabelScores;
 pub use smooth::{SmoothLabelParams, smooth_labels};

@@ -79,7 +79,7 @@ pub(crate) fn settled(
     let field = Nearest { meshes: field, fields: of_fields };
     let boxes = BoxesMask::new(below[1..].iter().map(|layer| layer.bvh().aabb()));
     let boxes = boxes.expect("positions are finite");
-    let weights: Vec<Real> = mesh.vertices().iter().map(|p| boxes.weight(p).0).collect();
+    let weights: Vec<Real> = mesh.vertices().iter().map(|p| Real::from(boxes.binds(p))).collect();
     let surface = next.to_mesh();
     let inner = InnerSurface::new(&surface, next.bvh());
     let default = AirParams::default();

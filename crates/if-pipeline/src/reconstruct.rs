@@ -46,6 +46,7 @@ mod projection;
 mod quality;
 mod refine;
 mod report;
+mod sealed;
 mod shown;
 mod skipped;
 mod start;

@@ -27,7 +27,8 @@ pub struct MovingPair<'a> {
 impl Bvh {
     /// The values that `keep` returns for pairs of two triangles of this tree that may meet while
     /// each corner moves in a straight line, and all at the same time, from where it is here to where
-    /// it is in `end`: each pair once, in an order that does not depend on the number of threads.
+    /// it is in `end`: each pair once, in an order that does not depend on the number of threads; `None` if
+    /// `keep` breaks, which ends the search.
     ///
     /// What triangles have in common of their motions counts for nothing: a crowd that moves as a
     /// whole gives the pairs of one that stands.
@@ -36,20 +37,6 @@ impl Bvh {
     ///
     /// If `end` is not this tree after a [`refit`](Bvh::refit).
     pub fn own_pairs_in_motion<T: Send>(
-        &self,
-        end: &Bvh,
-        keep: impl Fn(MovingPair<'_>) -> Option<T> + Sync,
-    ) -> Vec<T> {
-        let found = self.own_pairs_in_motion_until(end, |pair| ControlFlow::Continue(keep(pair)));
-        found.expect("nothing ends the search")
-    }
-
-    /// As [`own_pairs_in_motion`](Bvh::own_pairs_in_motion); `None` if `keep` breaks, which ends the search.
-    ///
-    /// # Panics
-    ///
-    /// If `end` is not this tree after a [`refit`](Bvh::refit).
-    pub fn own_pairs_in_motion_until<T: Send>(
         &self,
         end: &Bvh,
         keep: impl Fn(MovingPair<'_>) -> ControlFlow<(), Option<T>> + Sync,
@@ -221,10 +208,11 @@ mod tests {
         let moved = |by: &dyn Fn(&Point) -> Point| {
             let mut end = start.clone();
             end.refit(&mesh.vertices().iter().map(by).collect::<Vec<_>>());
-            let mut pairs = start.own_pairs_in_motion(&end, |pair| {
+            let found = start.own_pairs_in_motion(&end, |pair| {
                 let [a, b] = pair.triangles;
-                Some([a.min(b), a.max(b)])
+                ControlFlow::Continue(Some([a.min(b), a.max(b)]))
             });
+            let mut pairs = found.unwrap();
             pairs.sort_unstable();
             pairs
         };

@@ -95,7 +95,7 @@ impl Crossings {
         };
         let (start, end) = rayon::join(|| tree(from), || tree(to));
         let count = AtomicUsize::new(0);
-        let found = start.own_pairs_in_motion_until(&end, |pair| {
+        let found = start.own_pairs_in_motion(&end, |pair| {
             let crossing = self.crossing(&pair);
             let is_one_more = crossing.is_some() && count.fetch_add(1, Ordering::Relaxed) >= most;
             if is_one_more || stops() {

@@ -4,19 +4,18 @@ use super::error::ReconstructError;
 use super::observe::Observation;
 use super::params::SurfaceParams;
 use super::report::Round;
+use super::sealed::{self, Key, Magic};
 use super::start::Start;
 use crate::build::BUILD;
 use crate::capture::Capture;
 use if_body::SkinWeights;
 use if_core::math::{Point, Real};
 use if_core::mesh::TriMesh;
-use if_mesh::regular_file;
 use sha2::{Digest, Sha256};
-use std::io::{self, Write};
 use std::path::Path;
 
 /// The first bytes of the file.
-const MAGIC: &[u8; 16] = b"ifg surface v1\n\0";
+const MAGIC: &Magic = b"ifg surface v1\n\0";
 /// Numbers of a round in the file.
 const ROUND: usize = 5;
 
@@ -33,28 +32,15 @@ pub(super) fn key(
     start: &Start,
     params: &SurfaceParams,
     frames: &[Observation],
-) -> [u8; 32] {
+) -> Key {
     // A rebuilt program begins anew.
     let mut hash = Sha256::new_with_prefix(BUILD);
+    // All parameters but the number of rounds and what bits do not depend on: a longer run may continue a
+    // shorter one.
+    let SurfaceParams { loose_rounds, memory, .. } = SurfaceParams::default();
+    let params = SurfaceParams { rounds: 0, loose_rounds, memory, ..params.clone() };
+    hash.update(format!("{params:?}"));
     let mut number = |x: Real| hash.update(x.to_le_bytes());
-    // All parameters but the number of rounds: a longer run may continue a shorter one.
-    let p = params;
-    let values = [
-        p.normals,
-        p.silhouettes,
-        p.bending,
-        p.normal_margin,
-        p.border_blur,
-        p.reach,
-        p.least_reach,
-        p.longest_step,
-        p.slide,
-        p.least_overlap,
-        p.loose,
-        p.least_loose,
-        p.loose_silhouettes,
-    ];
-    values.into_iter().for_each(&mut number);
     visit_input(capture, (&start.mesh, &start.skin), frames, &mut number);
     hash.finalize().into()
 }
@@ -94,10 +80,9 @@ pub(super) fn visit_mesh(mesh: &TriMesh, number: &mut dyn FnMut(Real)) {
 
 impl Checkpoint {
     /// Writes the file atomically.
-    pub(super) fn write(&self, path: &Path, key: &[u8; 32]) -> Result<(), ReconstructError> {
-        let mut bytes = Vec::with_capacity(64 + 24 * self.vertices.len());
-        bytes.extend_from_slice(MAGIC);
-        bytes.extend_from_slice(key);
+    pub(super) fn write(&self, path: &Path, key: &Key) -> Result<(), ReconstructError> {
+        let mut bytes =
+            Vec::with_capacity(16 + 8 * ROUND * self.rounds.len() + 24 * self.vertices.len());
         bytes.extend_from_slice(&(self.rounds.len() as u64).to_le_bytes());
         bytes.extend_from_slice(&(self.vertices.len() as u64).to_le_bytes());
         for r in &self.rounds {
@@ -114,36 +99,21 @@ impl Checkpoint {
             .iter()
             .flat_map(|p| p.iter())
             .for_each(|x| bytes.extend_from_slice(&x.to_le_bytes()));
-        let digest = Sha256::digest(&bytes);
-        bytes.extend_from_slice(&digest);
-        if_mesh::atomic::write_file::<io::Error>(path, |file| file.write_all(&bytes))
-            .map_err(|source| ReconstructError::Checkpoint { path: path.into(), source })
+        sealed::write(path, (MAGIC, key), &bytes)
     }
 
     /// Reads the file; `None` if it is missing, of other input, or of more rounds than `most`.
     pub(super) fn read(
         path: &Path,
-        key: &[u8; 32],
+        key: &Key,
         most: usize,
     ) -> Result<Option<Self>, ReconstructError> {
-        let bytes = match regular_file::read(path) {
-            Ok(bytes) => bytes,
-            Err(e) if e.kind() == io::ErrorKind::NotFound => return Ok(None),
-            Err(source) => return Err(ReconstructError::Checkpoint { path: path.into(), source }),
-        };
-        let (known_key, state) = Self::parse(&bytes)
-            .ok_or_else(|| ReconstructError::BrokenCheckpoint { path: path.into() })?;
-        Ok((known_key == *key && state.rounds.len() <= most).then_some(state))
+        let state = sealed::read(path, (MAGIC, key), Self::parse)?;
+        Ok(state.filter(|state| state.rounds.len() <= most))
     }
 
-    fn parse(bytes: &[u8]) -> Option<([u8; 32], Self)> {
-        let (bytes, digest) = bytes.split_at_checked(bytes.len().checked_sub(32)?)?;
-        if Sha256::digest(bytes)[..] != *digest {
-            return None;
-        }
-        let rest = bytes.strip_prefix(MAGIC)?;
-        let (key, rest) = rest.split_at_checked(32)?;
-        let (counts, rest) = rest.split_at_checked(16)?;
+    fn parse(body: &[u8]) -> Option<Self> {
+        let (counts, rest) = body.split_at_checked(16)?;
         let count = |k: usize| {
             usize::try_from(u64::from_le_bytes(counts[8 * k..8 * k + 8].try_into().ok()?)).ok()
         };
@@ -165,11 +135,10 @@ impl Checkpoint {
             rim_vertices: r[3] as usize,
             seen_triangles: r[4] as usize,
         };
-        let state = Self {
+        Some(Self {
             vertices: points.chunks_exact(3).map(|p| Point::new(p[0], p[1], p[2])).collect(),
             rounds: rows.chunks_exact(ROUND).map(round).collect(),
-        };
-        Some((key.try_into().ok()?, state))
+        })
     }
 }
 

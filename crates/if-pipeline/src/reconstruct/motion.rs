@@ -7,6 +7,7 @@ mod params;
 mod report;
 
 pub use mesh::MeshMotion;
+pub(super) use network::distil_into;
 pub use network::{MotionNetwork, MotionNetworkParams, MotionNetworkReport, distil_motion};
 pub use params::MotionParams;
 pub use report::{FrameMotion, Motion, MotionReport, MotionRound};

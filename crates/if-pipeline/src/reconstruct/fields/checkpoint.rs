@@ -4,8 +4,8 @@ use super::nets::Nets;
 use super::report::FieldsReport;
 use super::state::State;
 use crate::reconstruct::error::ReconstructError;
+use crate::reconstruct::sealed::{self, Key, Magic};
 use if_core::math::{Point, Real};
-use if_mesh::regular_file;
 use if_neural::adam::{Adam, AdamParams};
 use if_neural::deformation::DeformationNetwork;
 use if_neural::frame::Frame;
@@ -13,12 +13,10 @@ use if_neural::mlp::DeformationConfig;
 use if_neural::network::{Network, NetworkConfig};
 use if_neural::trainable::TrainableField;
 use serde::{Deserialize, Serialize};
-use sha2::{Digest, Sha256};
-use std::io::{self, Write};
 use std::path::Path;
 
 /// The first bytes of the file.
-const MAGIC: &[u8; 16] = b"ifg fields v1\n\0\0";
+const MAGIC: &Magic = b"ifg fields v1\n\0\0";
 
 /// What stands before the numbers.
 #[derive(Serialize, Deserialize)]
@@ -32,8 +30,7 @@ struct Header {
 }
 
 /// Writes the file atomically.
-pub(super) fn write(state: &State, path: &Path, key: &[u8; 32]) -> Result<(), ReconstructError> {
-    let fault = |source| ReconstructError::Checkpoint { path: path.into(), source };
+pub(super) fn write(state: &State, path: &Path, key: &Key) -> Result<(), ReconstructError> {
     let header = Header {
         step: state.step,
         frame: state.nets.frame,
@@ -42,10 +39,9 @@ pub(super) fn write(state: &State, path: &Path, key: &[u8; 32]) -> Result<(), Re
         vertices: state.vertices.len(),
         report: state.report.clone(),
     };
-    let header = serde_json::to_vec(&header).map_err(|e| fault(e.into()))?;
+    let header = serde_json::to_vec(&header)
+        .map_err(|e| ReconstructError::Checkpoint { path: path.into(), source: e.into() })?;
     let mut bytes = Vec::new();
-    bytes.extend_from_slice(MAGIC);
-    bytes.extend_from_slice(key);
     bytes.extend_from_slice(&(header.len() as u64).to_le_bytes());
     bytes.extend_from_slice(&header);
     let [phi_first, phi_second] = state.phi_adam.moments();
@@ -58,36 +54,23 @@ pub(super) fn write(state: &State, path: &Path, key: &[u8; 32]) -> Result<(), Re
     }
     let coordinates = state.vertices.iter().flat_map(|p| p.iter());
     coordinates.for_each(|x| bytes.extend_from_slice(&x.to_le_bytes()));
-    let digest = Sha256::digest(&bytes);
-    bytes.extend_from_slice(&digest);
-    if_mesh::atomic::write_file::<io::Error>(path, |file| file.write_all(&bytes)).map_err(fault)
+    sealed::write(path, (MAGIC, key), &bytes)
 }
 
 /// Reads the file; `None` if it is missing, of other input, or of more than `most` steps. The
 /// optimisers have the given rates.
 pub(super) fn read(
     path: &Path,
-    key: &[u8; 32],
+    key: &Key,
     most: u64,
     rates: [AdamParams; 2],
 ) -> Result<Option<State>, ReconstructError> {
-    let bytes = match regular_file::read(path) {
-        Ok(bytes) => bytes,
-        Err(e) if e.kind() == io::ErrorKind::NotFound => return Ok(None),
-        Err(source) => return Err(ReconstructError::Checkpoint { path: path.into(), source }),
-    };
-    let (known_key, state) = parse(&bytes, rates)
-        .ok_or_else(|| ReconstructError::BrokenCheckpoint { path: path.into() })?;
-    Ok((known_key == *key && state.step <= most).then_some(state))
+    let state = sealed::read(path, (MAGIC, key), |body| parse(body, rates))?;
+    Ok(state.filter(|state| state.step <= most))
 }
 
-fn parse(bytes: &[u8], rates: [AdamParams; 2]) -> Option<([u8; 32], State)> {
-    let (bytes, digest) = bytes.split_at_checked(bytes.len().checked_sub(32)?)?;
-    if Sha256::digest(bytes)[..] != *digest {
-        return None;
-    }
-    let (key, rest) = bytes.strip_prefix(MAGIC)?.split_at_checked(32)?;
-    let (length, rest) = rest.split_at_checked(8)?;
+fn parse(body: &[u8], rates: [AdamParams; 2]) -> Option<State> {
+    let (length, rest) = body.split_at_checked(8)?;
     let length = usize::try_from(u64::from_le_bytes(length.try_into().ok()?)).ok()?;
     let (header, rest) = rest.split_at_checked(length)?;
     let header: Header = serde_json::from_slice(header).ok()?;
@@ -118,6 +101,5 @@ fn parse(bytes: &[u8], rates: [AdamParams; 2]) -> Option<([u8; 32], State)> {
     let vertices = coordinates.chunks_exact(3).map(|p| Point::new(p[0], p[1], p[2])).collect();
     let nets = Nets { phi, deformation, frame: header.frame };
     let (step, report) = (header.step, header.report);
-    let state = State { step, nets, start, phi_adam, deformation_adam, vertices, report };
-    Some((key.try_into().ok()?, state))
+    Some(State { step, nets, start, phi_adam, deformation_adam, vertices, report })
 }

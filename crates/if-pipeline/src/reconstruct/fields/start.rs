@@ -3,13 +3,11 @@
 use super::params::FieldsParams;
 use super::step::random_of;
 use crate::reconstruct::error::ReconstructError;
-use crate::reconstruct::motion::Motion;
-use crate::reconstruct::progress::{control, report};
-use if_core::math::{Point, Real, Vector};
+use crate::reconstruct::motion::{Motion, distil_into};
+use if_core::math::Real;
 use if_core::mesh::TriMesh;
-use if_core::monitor::{Monitor, Progress};
-use if_neural::Ended;
-use if_neural::deform::{DeformParams, fit_deformation};
+use if_core::monitor::Monitor;
+use if_neural::deform::DeformParams;
 use if_neural::deformation::DeformationNetwork;
 use if_neural::frame::Frame;
 use if_neural::mlp::DeformationConfig;
@@ -60,11 +58,6 @@ pub(super) fn start_at(
 ) -> Result<(), ReconstructError> {
     let Some(components) = components(motion) else { return Ok(()) };
     set_embeddings(network, |i, c| if c < components.ncols() { components[(i, c)] } else { 0.0 });
-    let rest = surface.vertices();
-    let moved = |d: &Vec<Vector>| -> Vec<Point> {
-        if d.is_empty() { rest.to_vec() } else { rest.iter().zip(d).map(|(p, d)| p + d).collect() }
-    };
-    let frames: Vec<Vec<Point>> = motion.offsets.iter().map(moved).collect();
     let fit = DeformParams {
         steps: params.motion_steps,
         // Smoothness is that of the motion, which is given everywhere on the surface.
@@ -76,14 +69,7 @@ pub(super) fn start_at(
         seed: params.seed,
         ..DeformParams::default()
     };
-    let steps = fit.steps as usize;
-    report(monitor, "motion_network", (0, steps), None)?;
-    let mut progress =
-        |p: &Progress<'_>| control(report(monitor, "motion_network", (p.done, steps), None));
-    let found = fit_deformation(network, frame, rest, &frames, &fit, &mut progress)?;
-    if found.ended == Ended::Diverged {
-        return Err(ReconstructError::NetworkDiverged { steps: found.steps });
-    }
+    distil_into(network, frame, (motion, surface), &fit, monitor)?;
     Ok(())
 }
 
@@ -119,6 +105,7 @@ fn components(motion: &Motion) -> Option<DMatrix<Real>> {
 mod tests {
     use super::*;
     use crate::reconstruct::MotionReport;
+    use if_core::math::{Point, Vector};
     use if_core::monitor::Silent;
     use if_core::shapes::meshes;
     use if_neural::mlp::DeformationConfig;

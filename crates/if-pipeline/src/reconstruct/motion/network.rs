@@ -8,7 +8,7 @@ use if_core::mesh::TriMesh;
 use if_core::monitor::{Monitor, Progress};
 use if_core::parameter::ParameterError;
 use if_neural::Ended;
-use if_neural::deform::{DeformParams, fit_deformation};
+use if_neural::deform::{DeformParams, DeformReport, fit_deformation};
 use if_neural::deformation::DeformationNetwork;
 use if_neural::files::write_deformation;
 use if_neural::frame::Frame;
@@ -89,23 +89,10 @@ pub fn distil_motion(
     params: &MotionNetworkParams,
     monitor: &mut dyn Monitor,
 ) -> Result<MotionNetwork, ReconstructError> {
-    let rest = surface.vertices();
-    let moved = |d: &Vec<_>| -> Vec<Point> {
-        assert!(d.is_empty() || d.len() == rest.len(), "one offset for each vertex of the surface");
-        if d.is_empty() { rest.to_vec() } else { rest.iter().zip(d).map(|(p, d)| p + d).collect() }
-    };
-    let frames: Vec<Vec<Point>> = motion.offsets.iter().map(moved).collect();
     let at = Frame::around(&surface.aabb(), MARGIN)?;
-    let config = DeformationConfig { frames: frames.len(), ..params.network.clone() };
+    let config = DeformationConfig { frames: motion.offsets.len(), ..params.network.clone() };
     let mut network = DeformationNetwork::new(&config, params.seed)?;
-    let steps = params.fit.steps as usize;
-    report(monitor, "motion_network", (0, steps), None)?;
-    let mut progress =
-        |p: &Progress<'_>| control(report(monitor, "motion_network", (p.done, steps), None));
-    let found = fit_deformation(&mut network, &at, rest, &frames, &params.fit, &mut progress)?;
-    if found.ended == Ended::Diverged {
-        return Err(ReconstructError::NetworkDiverged { steps: found.steps });
-    }
+    let found = distil_into(&mut network, &at, (motion, surface), &params.fit, monitor)?;
     let e = &found.error;
     let errors = MotionNetworkReport {
         steps: found.steps,
@@ -114,6 +101,35 @@ pub fn distil_motion(
         still_mm: 1e3 * e.still,
     };
     Ok(MotionNetwork { network, frame: at, report: errors })
+}
+
+/// Fits d to the motion of the vertices of a surface.
+///
+/// # Panics
+///
+/// If the motion is of another surface.
+pub(in crate::reconstruct) fn distil_into(
+    network: &mut DeformationNetwork,
+    at: &Frame,
+    (motion, surface): (&Motion, &TriMesh),
+    params: &DeformParams,
+    monitor: &mut dyn Monitor,
+) -> Result<DeformReport, ReconstructError> {
+    let rest = surface.vertices();
+    let moved = |d: &Vec<_>| -> Vec<Point> {
+        assert!(d.is_empty() || d.len() == rest.len(), "one offset for each vertex of the surface");
+        if d.is_empty() { rest.to_vec() } else { rest.iter().zip(d).map(|(p, d)| p + d).collect() }
+    };
+    let frames: Vec<Vec<Point>> = motion.offsets.iter().map(moved).collect();
+    let steps = params.steps as usize;
+    report(monitor, "motion_network", (0, steps), None)?;
+    let mut progress =
+        |p: &Progress<'_>| control(report(monitor, "motion_network", (p.done, steps), None));
+    let found = fit_deformation(network, at, rest, &frames, params, &mut progress)?;
+    if found.ended == Ended::Diverged {
+        return Err(ReconstructError::NetworkDiverged { steps: found.steps });
+    }
+    Ok(found)
 }
 
 impl MotionNetwork {
