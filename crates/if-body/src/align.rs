@@ -80,6 +80,7 @@ pub struct BodyMap {
     kind: Kind,
     method: Method,
     residual: Real,
+    most_turned: Option<(String, Real)>,
     params: AlignParams,
 }
 
@@ -110,7 +111,10 @@ impl BodyMap {
         params.validate()?;
         check_body(from, "source")?;
         check_body(to, "target")?;
-        let map = |kind, method, residual| Self { kind, method, residual, params: *params };
+        let similarity = Similarity::between(from, to)?;
+        let most_turned = similarity::most_turned(from, to, &similarity);
+        let params = *params;
+        let map = |kind, method, residual| Self { kind, method, residual, most_turned, params };
         // The methods in order: equal bodies, shared topology, registration, similarity.
         if from.mesh == to.mesh {
             return Ok(map(Kind::Same, Method::Same, 0.0));
@@ -123,10 +127,9 @@ impl BodyMap {
                 return Ok(map(kind, Method::Topology, 0.0));
             }
         }
-        let similarity = Similarity::between(from, to)?;
         let start = similarity::start(from, to, &similarity);
         let registered = register::register(from.mesh, to.mesh, start);
-        if registered.is_good(params, to.mesh) {
+        if registered.is_good(&params, to.mesh) {
             let kind = sites(from.mesh, &registered.positions, from.skin);
             return Ok(map(kind, Method::Registered, registered.residual));
         }
@@ -151,12 +154,21 @@ impl BodyMap {
         let similarity = Similarity::between(from, to)?;
         let residual =
             register::residual(from.mesh.vertices().iter().map(|p| similarity.point(p)), to.mesh);
+        let most_turned = similarity::most_turned(from, to, &similarity);
         Ok(Self {
             kind: Kind::Similar(similarity),
             method: Method::Similarity,
             residual,
+            most_turned,
             params: *params,
         })
+    }
+
+    /// The name of the bone that points the farthest from where that of the same name on the target does, and the
+    /// angle in radians, once both bodies face the same way: large where they stand in different poses.
+    /// `None` without skeletons that have long bones in common.
+    pub fn most_turned(&self) -> Option<(&str, Real)> {
+        self.most_turned.as_ref().map(|(name, angle)| (name.as_str(), *angle))
     }
 
     /// The method that was used.

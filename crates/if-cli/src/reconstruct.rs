@@ -32,7 +32,7 @@ use if_pipeline::reconstruct::{
     FieldsParams, MotionNetworkParams, MotionParams, PhiNetwork, PhiParams, PoseParams,
     ReconstructError, ReconstructParams, Reconstruction, reconstruct, write_frames,
 };
-use if_pipeline::wardrobe::{NewBody, Wardrobe, WardrobeError};
+use if_pipeline::wardrobe::{CLOTHED, NewBody, Wardrobe, WardrobeError};
 use miette::{Diagnostic, Report};
 use serde::Serialize;
 use state::State;
@@ -160,8 +160,6 @@ pub(crate) enum MotionFrom {
     None,
 }
 
-/// Folder of the wardrobe for clothed people.
-const CLOTHED: &str = "clothed";
 /// What a clothed person was made of, in its folder.
 const PROVENANCE: &str = "provenance.json";
 

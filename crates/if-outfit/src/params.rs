@@ -64,6 +64,9 @@ pub struct EffortParams {
     /// Edges of a clean garment that are strained by more than this share are eased, in rounds that
     /// end clean.
     pub ease_strain: Real,
+    /// A garment's own intersections are taken apart where no more than one in a hundred of the edges near
+    /// them is strained by more than this share.
+    pub untangle_strain: Real,
     /// Sweeps of the solver in a round.
     pub sweeps: usize,
     /// A round that moves no vertex further than this has settled, in metres.
@@ -132,6 +135,7 @@ impl Default for EffortParams {
             polish_strain: 0.25,
             ease_rounds: 40,
             ease_strain: 0.5,
+            untangle_strain: 0.5,
             sweeps: 15,
             tolerance: 3e-4,
             influence: 0.12,
@@ -192,6 +196,7 @@ impl EffortParams {
         count("sweeps", self.sweeps)?;
         share("polish_strain", self.polish_strain)?;
         share("ease_strain", self.ease_strain)?;
+        share("untangle_strain", self.untangle_strain)?;
         length("tolerance", self.tolerance)?;
         length("influence", self.influence)?;
         length("repair_influence", self.repair_influence)?;

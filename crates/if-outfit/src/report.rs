@@ -129,7 +129,7 @@ const NEARLY: Real = 0.9;
 
 /// Whether a garment is strained so much that it may be made for another body: one edge in a hundred by
 /// more than half.
-pub fn is_drawn(strain: &Strain) -> bool {
+fn is_drawn(strain: &Strain) -> bool {
     strain.p99 > DRAWN
 }
 
@@ -296,7 +296,7 @@ pub enum KeptReason {
     /// The pair was removed, and came back while the garment settled between its layers.
     Layers,
     /// The sheets come apart only where the cloth is strained by more than
-    /// [`EffortParams::ease_strain`](crate::EffortParams::ease_strain), or moved by more than three times
+    /// [`EffortParams::untangle_strain`](crate::EffortParams::untangle_strain), or moved by more than three times
     /// [`EffortParams::repair_influence`](crate::EffortParams::repair_influence).
     Strain,
 }

@@ -358,6 +358,13 @@ mod tests {
         // The high one is as it was.
         let both = start.iter().zip(&found.positions);
         assert!(both.filter(|(p, _)| p.x > 0.02).all(|(p, q)| p == q));
+        // It goes where cloth may be strained twice as much.
+        let mut params = params;
+        params.effort.untangle_strain *= 2.0;
+        let mut costly = BTreeSet::new();
+        let found =
+            untangle(&layer, start, &params, &mut costly, &mut |_| true, &mut |_| Ok(())).unwrap();
+        assert!(found.unwrap().pairs.is_empty() && costly.is_empty());
     }
 
     #[test]

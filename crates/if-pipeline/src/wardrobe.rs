@@ -36,6 +36,8 @@ use std::path::{Path, PathBuf};
 
 const BODIES: &str = "bodies";
 const GARMENTS: &str = "garments";
+/// Subfolder of clothed persons, which captures fill.
+pub const CLOTHED: &str = "clothed";
 
 /// A part of a wardrobe.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -254,6 +256,22 @@ impl Wardrobe {
     /// The folder of the wardrobe.
     pub fn root(&self) -> &Path {
         &self.root
+    }
+
+    /// Checks that a folder for results is not among those of bodies and garments.
+    pub(crate) fn keep_out(&self, out: &Path) -> Result<(), WardrobeError> {
+        let there = std::path::absolute(out).ok();
+        let there = there.iter().flat_map(|out| out.ancestors());
+        let there = there.filter_map(|ancestor| ancestor.canonicalize().ok()).next();
+        let is_inside = |part: &str| {
+            let part = self.root.join(part).canonicalize();
+            there.iter().zip(part).any(|(there, part)| there.starts_with(part))
+        };
+        if [BODIES, GARMENTS, CLOTHED].into_iter().any(is_inside) {
+            let what = "it belongs to the wardrobe";
+            return Err(WardrobeError::InTheWay { path: out.into(), what });
+        }
+        Ok(())
     }
 
     /// All bodies, by name.

@@ -3,6 +3,8 @@
 use super::{BodyMap, Method};
 use if_core::math::Real;
 use if_core::mesh::TriMesh;
+use if_mesh::index::Bvh;
+use if_mesh::intersections::own_pairs;
 use if_mesh::measure::{Displacement, Strain, displacement, strain};
 use if_mesh::solid::ClosedLayer;
 use rayon::prelude::*;
@@ -23,6 +25,9 @@ pub struct AlignReport {
     pub strain: Strain,
     /// Share of vertices inside the body: the source body before, the target body after.
     pub inside: [Real; 2],
+    /// Triangle pairs of the garment that intersect, before and after.
+    #[serde(default)]
+    pub own_pairs: [usize; 2],
 }
 
 /// Measures the garment before and after, each against its body.
@@ -41,6 +46,7 @@ pub fn measure(
         moved: displacement(before.vertices(), after.vertices()),
         strain: strain(before, after.vertices()),
         inside: [inside(before, own), inside(after, other)],
+        own_pairs: [before, after].map(|mesh| own_pairs(mesh, &Bvh::new(mesh)).len()),
     }
 }
 

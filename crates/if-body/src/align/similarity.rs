@@ -1,7 +1,7 @@
 //! Similarities between bodies, and the bone-wise start of a registration.
 
 use super::{AlignError, BodyShape};
-use crate::skeleton::SHORT;
+use crate::skeleton::{Joint, SHORT};
 use if_core::aabb::Aabb;
 use if_core::math::{Point, Real, Vector, area_vector, barycentric_point};
 use if_core::mesh::TriMesh;
@@ -77,6 +77,28 @@ fn same_joints(from: &BodyShape, to: &BodyShape) -> Vec<(Point, Point, Real)> {
     let (Some(a), Some(b)) = (from.skeleton, to.skeleton) else { return Vec::new() };
     let twin = |name: &str| b.joints().iter().find(|j| j.name == name);
     a.joints().iter().filter_map(|j| Some((j.head, twin(&j.name)?.head, 1.0))).collect()
+}
+
+/// Length of a bone, as a share of the height of its body, from which on it says how a body stands: fingers and
+/// toes do not.
+const LONG: Real = 0.1;
+
+/// The bone of `from` that points the farthest from where that of the same name on `to` does, and the angle in
+/// radians, once both bodies face the same way; `None` without common long bones.
+pub(super) fn most_turned(
+    from: &BodyShape,
+    to: &BodyShape,
+    similarity: &Similarity,
+) -> Option<(String, Real)> {
+    let (a, b) = (from.skeleton?, to.skeleton?);
+    let least = LONG * from.mesh.aabb().size().y;
+    let turned = |joint: &Joint| {
+        let twin = b.joints().iter().find(|t| t.name == joint.name)?;
+        let (u, v) = (joint.tail - joint.head, twin.tail - twin.head);
+        let is_long = u.norm() >= least && v.norm() >= SHORT;
+        is_long.then(|| (joint.name.clone(), (similarity.rotation * u).angle(&v)))
+    };
+    a.joints().iter().filter_map(turned).max_by(|a, b| a.1.total_cmp(&b.1))
 }
 
 /// The least-squares similarity of pairs of points with weights.

@@ -172,6 +172,35 @@ fn a_bone_of_no_length_moves_as_the_body_does() {
 }
 
 #[test]
+fn the_bone_that_is_turned_the_most_tells_another_pose() {
+    use crate::mannequin::rig;
+    use nalgebra::{Rotation3, Unit};
+    let body = body(&COARSE);
+    let skeleton = rig::skeleton();
+    // All face another way, and one shin is bent.
+    let all = Rotation3::from_axis_angle(&Vector::y_axis(), 1.2);
+    let across = Unit::new_normalize(all * Vector::x());
+    let turned = |j: &crate::Joint| {
+        let [head, tail] = [j.head, j.tail].map(|p| all * p);
+        let bent = Rotation3::from_axis_angle(&across, 0.7) * (tail - head);
+        let tail = if j.name == "left_shin" { head + bent } else { tail };
+        crate::Joint { head, tail, ..j.clone() }
+    };
+    let other = crate::Skeleton::new(skeleton.joints().iter().map(turned).collect()).unwrap();
+    let there = body.with_vertices(body.vertices().iter().map(|p| all * p).collect()).unwrap();
+    let map = |skeleton| {
+        let from = BodyShape { skeleton: Some(&skeleton), ..shape(&body) };
+        let to = BodyShape { skeleton: Some(&other), ..shape(&there) };
+        BodyMap::new(&from, &to, &AlignParams::default()).unwrap()
+    };
+    let found = map(skeleton);
+    let (bone, angle) = found.most_turned().unwrap();
+    assert!(bone == "left_shin" && (angle - 0.7).abs() < 0.02, "{bone} {angle}");
+    let from = BodyMap::new(&shape(&body), &shape(&there), &AlignParams::default()).unwrap();
+    assert_eq!(from.most_turned(), None);
+}
+
+#[test]
 fn without_a_good_registration_a_similarity_is_used() {
     let from = body(&COARSE);
     // A ball of the same height.

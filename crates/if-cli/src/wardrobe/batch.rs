@@ -67,6 +67,9 @@ pub(crate) struct BatchArgs {
     /// machines. The same command without --shard then collects what all parts did.
     #[arg(long, value_name = "I/N")]
     pub(crate) shard: Option<Shard>,
+    /// Exit with 1 unless all results are clean everywhere: no garment meets itself, nor does the body.
+    #[arg(long)]
+    pub(crate) strict: bool,
     /// Do everything again.
     #[arg(long)]
     pub(crate) again: bool,
@@ -165,7 +168,12 @@ pub(super) fn run(args: &BatchArgs) -> Result<End, Report> {
             out.join("report.html").display()
         ))?;
     }
-    Ok(summary.entries.iter().map(|e| end_of(e.state)).max().unwrap_or(End::Clean))
+    Ok(summary
+        .entries
+        .iter()
+        .map(|e| end_of(e.state, e.everywhere, args.strict))
+        .max()
+        .unwrap_or(End::Clean))
 }
 
 fn combinations(wardrobe: &Wardrobe, args: &BatchArgs) -> Result<Vec<Combination>, Report> {

@@ -3,8 +3,8 @@
 use super::opening::{open, report};
 use super::results::{FieldsArg, end_of, match_params};
 use crate::cancel;
-use crate::end::End;
-use crate::errors::note;
+use crate::end::{End, NotEverywhere};
+use crate::errors::{self, note};
 use crate::inputs::ParamArgs;
 use crate::output_error::OutputError;
 use crate::print::{print, print_json};
@@ -12,6 +12,7 @@ use crate::progress::Line;
 use crate::table;
 use clap::Args;
 use if_body::AlignParams;
+use if_outfit::Cleanness;
 use if_pipeline::wardrobe::WardrobeError;
 use if_pipeline::wardrobe::combination::Combination;
 use if_pipeline::wardrobe::dresser::Dresser;
@@ -42,6 +43,9 @@ pub(crate) struct MatchArgs {
     /// Write the meshes even where intersections are left.
     #[arg(long)]
     pub(crate) write_unproven: bool,
+    /// Exit with 1 unless the result is clean everywhere: no garment meets itself, nor does the body.
+    #[arg(long)]
+    pub(crate) strict: bool,
     /// Do it again even if it is done.
     #[arg(long)]
     pub(crate) again: bool,
@@ -93,7 +97,16 @@ pub(super) fn run(args: &MatchArgs) -> Result<End, Report> {
             "`{out}` holds a better result, and was left as it was; --out with another folder writes this one"
         ));
     }
-    Ok(end_of(result.state))
+    if let Some(report) = &result.report {
+        let names = std::iter::once(&combination.body).chain(&combination.garments);
+        let names = names.map(String::as_str);
+        let outfit = combination.to_string();
+        if let Some(own) = NotEverywhere::of(&outfit, names, &report.after, args.strict) {
+            errors::show(&own.into());
+        }
+    }
+    let everywhere = result.cleanness() == Some(Cleanness::Everywhere);
+    Ok(end_of(result.state, everywhere, args.strict))
 }
 
 /// The error of a combination that was not resolved.
@@ -131,9 +144,11 @@ fn text(result: &MatchResult, out: &Path, placed: Placed) -> String {
         for l in &report.layers {
             let (moved, strain) = (l.moved.max * 1e3, l.strain.rms * 1e2);
             text += &format!(
-                "  {}: moved {:.2} mm on average, {moved:.1} at most, strain {strain:.1} % rms\n",
+                "  {}: moved {:.2} mm on average, {moved:.1} at most, strain {strain:.1} % rms, own pairs {} -> {}\n",
                 l.name,
-                l.moved.mean * 1e3
+                l.moved.mean * 1e3,
+                l.own_pairs.before,
+                l.own_pairs.after
             );
         }
         text += &format!("{}\n", table::totals(&report.before, &report.after));

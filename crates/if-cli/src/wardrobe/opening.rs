@@ -33,9 +33,11 @@ impl Fault {
                 &format!("if the files are in {unit}, add --scale {scale}")
             }
             WardrobeError::Parameter(p) if p.name == "scale" => "look at --scale",
-            WardrobeError::Misfit(OutfitError::DuplicateName { .. })
-            | WardrobeError::Asset(AssetError::Name { .. }) => {
+            WardrobeError::Misfit(OutfitError::DuplicateName { .. }) => {
                 "give another name, or rename the file"
+            }
+            WardrobeError::Asset(AssetError::Name { .. }) => {
+                "a garment is called as its file: rename that; a body as --body has it"
             }
             WardrobeError::Scale { .. } | WardrobeError::Misfit(_) => {
                 "look at --scale, and whether --body is the body that it was made on"

@@ -5,7 +5,6 @@ use crate::inputs::ParamArgs;
 use crate::outfit_file::override_params;
 use crate::receipt;
 use clap::ValueEnum;
-use if_outfit::resolve::ResolveParams;
 use if_pipeline::wardrobe::matching::{Fields, MatchParams, State};
 use miette::Report;
 
@@ -33,15 +32,17 @@ pub(super) fn match_params(
     fields: Option<FieldsArg>,
     picture_height: u32,
 ) -> Result<MatchParams, Report> {
-    let resolve = override_params(&ResolveParams::default(), args)?;
+    let default = MatchParams::default();
+    let resolve = override_params(&default.resolve, args)?;
     let tool = receipt::versions();
     let fields = fields.map_or(Fields::default(), Into::into);
-    Ok(MatchParams { resolve, fields, picture_height, tool, ..MatchParams::default() })
+    Ok(MatchParams { resolve, fields, picture_height, tool, ..default })
 }
 
-/// The end of a command with one result.
-pub(crate) fn end_of(state: State) -> End {
+/// The end of a command with one result; with `strict` it must be clean everywhere.
+pub(crate) fn end_of(state: State, everywhere: bool, strict: bool) -> End {
     match state {
+        State::Clean if strict && !everywhere => End::NotClean,
         State::Clean => End::Clean,
         State::Remaining => End::NotClean,
         State::Failed => End::Unusable,

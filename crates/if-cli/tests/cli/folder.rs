@@ -53,6 +53,16 @@ pub(crate) fn body() -> TriMesh {
     moved(&icosphere(1.0, 2), drawn_out)
 }
 
+/// The hoop with a loose triangle, one corner of which lies 2 mm behind its front.
+pub(crate) fn flap() -> TriMesh {
+    let hoop = belt(1.3, 0.0, 0.2);
+    let n = hoop.vertices().len() as u32;
+    let flap = [[-0.01, 0.06, 0.15], [0.01, 0.06, 0.15], [0.0, 0.09, 0.128]];
+    let vertices = [hoop.vertices(), &flap.map(Point::from)].concat();
+    let triangles = [hoop.triangles(), &[[n, n + 1, n + 2]]].concat();
+    TriMesh::new(vertices, triangles).unwrap()
+}
+
 /// A tube about the body's middle, from `y = from` to `to`. Of `radius` 1 it touches the body at
 /// `y = 0`; a smaller one passes through it.
 pub(crate) fn belt(radius: Real, from: Real, to: Real) -> TriMesh {

@@ -1,19 +1,13 @@
 //! Garments that intersect themselves: removed or kept, and what the states and exit codes are.
 
-use crate::folder::{Folder, belt, ply};
+use crate::folder::{Folder, flap, ply};
 use if_core::math::Point;
 use if_core::mesh::TriMesh;
 
-/// A folder with `flap.ply`: the hoop with a loose triangle, one corner of which lies 2 mm behind
-/// its front.
+/// A folder with `flap.ply`.
 fn folder() -> Folder {
     let folder = Folder::new();
-    let hoop = belt(1.3, 0.0, 0.2);
-    let n = hoop.vertices().len() as u32;
-    let flap = [[-0.01, 0.06, 0.15], [0.01, 0.06, 0.15], [0.0, 0.09, 0.128]];
-    let vertices = [hoop.vertices(), &flap.map(Point::from)].concat();
-    let triangles = [hoop.triangles(), &[[n, n + 1, n + 2]]].concat();
-    folder.write("flap.ply", ply(&TriMesh::new(vertices, triangles).unwrap()));
+    folder.write("flap.ply", ply(&flap()));
     folder
 }
 

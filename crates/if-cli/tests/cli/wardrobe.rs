@@ -1,6 +1,6 @@
 //! A wardrobe from the command line; batches that are killed and go on.
 
-use crate::folder::{Folder, Run, angular_belt, belt, body, obj, ply};
+use crate::folder::{Folder, Run, angular_belt, belt, body, flap, obj, ply};
 use if_body::mannequin::{self, Garment, MannequinParams};
 use if_core::math::Point;
 use if_core::mesh::TriMesh;
@@ -260,11 +260,38 @@ fn what_a_garment_is_strained_by_to_fit_another_body_is_printed_and_listed() {
     let strain = |k: usize| summary["entries"][k]["alignment_strain"].as_f64().unwrap();
     assert!(strain(0) > 0.5 && strain(1) < 0.01, "{summary}");
     let rows = String::from_utf8(folder.read("done/summary.csv")).unwrap();
-    let column = |row: &str| row.split(',').nth(7).unwrap().to_owned();
+    let column = |row: &str| row.split(',').nth(10).unwrap().to_owned();
     let mut rows = rows.lines().map(column);
     assert_eq!(rows.next().as_deref(), Some("alignment_strain_p99_percent"));
     let listed: f64 = rows.next().unwrap().parse().unwrap();
     assert!((listed - 1e2 * strain(0)).abs() < 0.01, "{listed}");
+}
+
+#[test]
+fn a_garment_that_meets_itself_fails_with_strict_and_is_listed() {
+    let folder = belts();
+    folder.write("flap.ply", ply(&flap()));
+    folder.ifg("wardrobe add w --body slim flap.ply").expect(0);
+    let run = "wardrobe match w --body slim flap --set own=keep --no-pictures --out look";
+    folder.ifg(run).expect(0);
+    let strict = folder.ifg(&format!("{run} --strict")).expect(1);
+    assert!(strict.stderr.contains("own pairs of `flap`:"), "{}", strict.stderr);
+    folder.write(
+        "list.toml",
+        "[[outfit]]\nbody = \"slim\"\ngarments = [\"belt0\"]\n\
+         [[outfit]]\nbody = \"slim\"\ngarments = [\"flap\"]\n",
+    );
+    let batch = "wardrobe batch w --list list.toml --set own=keep --no-pictures --out done";
+    let run = folder.ifg(batch).expect(0);
+    assert!(run.stdout.contains("2 clean (100.0 %), 1 of them everywhere"), "{}", run.stdout);
+    folder.ifg(&format!("{batch} --strict")).expect(1);
+    let summary: Value = serde_json::from_slice(&folder.read("done/summary.json")).unwrap();
+    let entry = |k: usize| &summary["entries"][k];
+    assert_eq!((&entry(0)["everywhere"], &entry(1)["everywhere"]), (&true.into(), &false.into()));
+    let own = entry(1)["own_pairs"].as_array().unwrap();
+    assert!(own[0].as_u64().unwrap() > 0 && own[0] == own[1], "{own:?}");
+    let rows = String::from_utf8(folder.read("done/summary.csv")).unwrap();
+    assert!(rows.starts_with("combination,") && rows.contains(",own_pairs_after,everywhere,"));
 }
 
 #[test]

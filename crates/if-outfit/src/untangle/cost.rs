@@ -12,7 +12,7 @@ impl Patch<'_> {
     /// Whether `outcome` costs little enough: no vertex moved further from `start` than the largest
     /// neighbourhood reaches (three times [`repair_influence`](crate::EffortParams::repair_influence)), and no more
     /// than one in a hundred of the edges that can move is strained by more than
-    /// [`ease_strain`](crate::EffortParams::ease_strain), unless that was so at `start`. Where pairs are left,
+    /// [`untangle_strain`](crate::EffortParams::untangle_strain), unless that was so at `start`. Where pairs are left,
     /// [`PARTLY`] of that.
     ///
     /// Most own pairs of the test data come apart at a tenth of either; those of a long skirt at 60 mm and 40 %. Sheets
@@ -27,6 +27,6 @@ impl Patch<'_> {
         let (before, now) = (strain(start), strain(&outcome.positions));
         tracing::debug!(pairs = outcome.pairs.len(), moved, before, now, "cost of a patch");
         let farthest = REACHES.into_iter().fold(0.0, Real::max) * effort.repair_influence;
-        moved <= share * farthest && now <= (share * effort.ease_strain).max(before)
+        moved <= share * farthest && now <= (share * effort.untangle_strain).max(before)
     }
 }

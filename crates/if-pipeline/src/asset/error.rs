@@ -15,7 +15,7 @@ use std::path::PathBuf;
 pub enum AssetError {
     /// The name is invalid.
     #[error(
-        "`{name}` is not a valid name of an asset; use up to 64 letters, digits, `_`, `-` and `.`, without a dot at an end"
+        "`{name}` is not a valid name of an asset; use up to 64 of a to z, A to Z, digits, `_`, `-` and `.`, without a dot at an end"
     )]
     Name { name: String },
     /// The garment has no triangles.

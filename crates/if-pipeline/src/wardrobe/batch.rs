@@ -81,6 +81,7 @@ pub fn run(
     watch: &(dyn Fn(&Event) -> ControlFlow<()> + Sync),
 ) -> Result<Option<BatchSummary>, WardrobeError> {
     check(dresser, params)?;
+    dresser.wardrobe().keep_out(out)?;
     let path = out.join(RESULTS);
     let opened = FolderWriter::open(&path)
         .map_err(|source| WardrobeError::Folder { path: path.clone(), source })?;
@@ -279,20 +280,20 @@ fn write_summary(out: &Path, summary: &BatchSummary) -> Result<(), WardrobeError
     json.push(b'\n');
     write(SUMMARY, &json)?;
     let mut csv = String::from(
-        "combination,state,error,pairs_before,pairs_after,inside_before,inside_after,alignment_strain_p99_percent,moved_max_mm,strain_max_percent,seconds,folder\n",
+        "combination,state,error,pairs_before,pairs_after,inside_before,inside_after,own_pairs_at_rest,own_pairs_after,everywhere,alignment_strain_p99_percent,moved_max_mm,strain_max_percent,seconds,folder\n",
     );
     for e in &summary.entries {
         let error = e.error.as_ref().map_or("", |f| f.kind.as_str());
         let seconds = e.seconds.map_or(String::new(), |s| format!("{s:.3}"));
         let state = format!("{:?}", e.state).to_lowercase();
-        let ([p0, p1], [i0, i1]) = (e.pairs, e.inside);
+        let ([p0, p1], [i0, i1], [o0, o1]) = (e.pairs, e.inside, e.own_pairs);
         let (aligned, moved, strain) = (e.alignment_strain * 1e2, e.moved * 1e3, e.strain * 1e2);
         let combination = csv_field(&e.combination.to_string());
         // Writing to a string cannot fail.
         let _ = writeln!(
             csv,
-            "{combination},{state},{error},{p0},{p1},{i0},{i1},{aligned:.2},{moved:.2},{strain:.2},{seconds},{}",
-            e.folder
+            "{combination},{state},{error},{p0},{p1},{i0},{i1},{o0},{o1},{},{aligned:.2},{moved:.2},{strain:.2},{seconds},{}",
+            e.everywhere, e.folder
         );
     }
     write(CSV, csv.as_bytes())?;

@@ -2,6 +2,7 @@
 
 use super::{Wardrobe, WardrobeError};
 use crate::asset::{AssetInfo, LayerHint, check_name, is_wearable};
+use if_core::parameter::ParameterError;
 use if_core::random::SplitMix64;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeSet;
@@ -102,17 +103,22 @@ impl Default for RandomParams {
     }
 }
 
+/// Most combinations that are drawn: all that are listed lie in memory.
+const MOST: usize = 1_000_000;
+
 /// Draws distinct combinations. The number of garments is drawn first, so that all numbers are
 /// equally frequent.
 ///
 /// # Errors
 ///
-/// A body is missing, the range is empty, or there are too few combinations.
+/// A body is missing, the range is empty, more than a million combinations are asked for, or there are too few.
 pub fn random(
     wardrobe: &Wardrobe,
     params: &RandomParams,
 ) -> Result<Vec<Combination>, WardrobeError> {
     let RandomParams { count, least, most, .. } = *params;
+    let range = "at most a million combinations";
+    ParameterError::check("count", count as f64, count <= MOST, range)?;
     if least < 1 || least > most {
         return Err(WardrobeError::Sizes { least, most });
     }
@@ -140,17 +146,20 @@ pub fn random(
     // there is probably no new combination.
     const PATIENCE: usize = 20_000;
     let mut vain = 0;
+    let mut deck: Vec<usize> = (0..garments.len()).collect();
+    let mut swaps = Vec::new();
     while found.len() < count && vain < PATIENCE && !bodies.is_empty() {
         vain += 1;
         let size = least + random.below(most - least + 1);
         if size > garments.len() {
             continue;
         }
-        // The first `size` places of a shuffle.
-        let mut deck: Vec<usize> = (0..garments.len()).collect();
+        // The first `size` places of a shuffle of a sorted deck.
+        swaps.drain(..).rev().for_each(|(k, other)| deck.swap(k, other));
         for k in 0..size {
             let other = k + random.below(deck.len() - k);
             deck.swap(k, other);
+            swaps.push((k, other));
         }
         let drawn = &deck[..size];
         let hints: Vec<LayerHint> = drawn.iter().map(|g| garments[*g].1).collect();

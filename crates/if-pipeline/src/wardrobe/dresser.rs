@@ -4,11 +4,13 @@ use super::combination::Combination;
 use super::{Wardrobe, WardrobeBody, WardrobeError};
 use crate::asset::Asset;
 use if_body::align::{AlignParams, AlignReport, BodyMap, measure};
+use if_core::math::Real;
 use if_core::mesh::TriMesh;
 use if_mesh::ply::{CoordinateType, quantise};
 use if_outfit::PreparedBody;
 use if_outfit::outfit::{Layer, Outfit};
 use if_outfit::storage::Storage;
+use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, PoisonError};
 
@@ -40,7 +42,23 @@ pub struct AlignedGarment {
     pub mesh: TriMesh,
     /// Report of the alignment.
     pub report: AlignReport,
+    /// How the two bodies stand, if otherwise.
+    pub turned: Option<TurnedBone>,
 }
+
+/// The bone of a garment's own body that points the farthest from where that of the same name on the other
+/// body does.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct TurnedBone {
+    /// Its name.
+    pub bone: String,
+    /// The angle, in degrees.
+    pub degrees: Real,
+}
+
+/// Angle of a bone, in degrees, from which on two bodies stand in different poses. Between people who stand
+/// alike spines differ by up to 21 degrees; a body that strides differs from them by 48 and 56.
+const OTHER_POSE: Real = 25.0;
 
 /// An aligned combination, not yet resolved.
 #[derive(Clone, Debug)]
@@ -157,7 +175,12 @@ impl<'a> Dresser<'a> {
                     asset.beside = asset.beside.without_weights();
                 }
             }
-            Ok(AlignedGarment { asset, mesh, report })
+            let turned = map.most_turned().map(|(bone, angle)| TurnedBone {
+                bone: bone.to_owned(),
+                degrees: angle.to_degrees(),
+            });
+            let turned = turned.filter(|turned| turned.degrees >= OTHER_POSE);
+            Ok(AlignedGarment { asset, mesh, report, turned })
         })
     }
 

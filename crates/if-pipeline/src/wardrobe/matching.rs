@@ -112,6 +112,7 @@ pub fn run(
             state: State::Failed,
             error: None,
             alignments: Vec::new(),
+            turned: Vec::new(),
             fields: Vec::new(),
             report: None,
             request,
@@ -145,6 +146,7 @@ fn settle(
 ) -> Result<(), WardrobeError> {
     let start = Instant::now();
     matched.result.alignments = dressed.garments.iter().map(|g| g.report).collect();
+    matched.result.turned = dressed.garments.iter().map(|g| g.turned.clone()).collect();
     let (fields, read) = match params.fields {
         Fields::Meshes => (dressed.garments.iter().map(|_| None).collect(), Vec::new()),
         Fields::Assets => layer_fields::of_assets(&dressed)?,
@@ -250,6 +252,7 @@ pub fn run_into_folder(
 ) -> Result<(MatchResult, Placed), WardrobeError> {
     combination.check()?;
     check(dresser, params)?;
+    dresser.wardrobe().keep_out(out)?;
     let (key, _) = request(dresser, combination, params)?;
     if !again && let Some(found) = finished(out, &key) {
         return Ok((found, Placed::Before));

@@ -3,6 +3,7 @@
 use super::combination::Combination;
 use super::error::WardrobeError;
 use super::result::{Fault, MatchResult, State};
+use if_outfit::Cleanness;
 use serde::{Deserialize, Serialize};
 
 /// The result of a combination, in short.
@@ -20,6 +21,10 @@ pub struct Entry {
     pub pairs: [usize; 2],
     /// Vertices on the wrong side before and after.
     pub inside: [usize; 2],
+    /// Pairs of garments with themselves: at rest, on their own bodies, and after.
+    pub own_pairs: [usize; 2],
+    /// Whether the result is clean everywhere, the body included.
+    pub everywhere: bool,
     /// Largest strain of the hundredth part of a garment's edges by the alignment with the body.
     #[serde(default)]
     pub alignment_strain: f64,
@@ -48,10 +53,11 @@ pub struct BatchSummary {
 impl std::fmt::Display for BatchSummary {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         let Self { clean, remaining, failed, entries } = self;
+        let everywhere = entries.iter().filter(|entry| entry.everywhere).count();
         let share = 100.0 * *clean as f64 / entries.len().max(1) as f64;
         write!(
             f,
-            "{} combinations: {clean} clean ({share:.1} %), {remaining} with intersections left, {failed} failed",
+            "{} combinations: {clean} clean ({share:.1} %), {everywhere} of them everywhere, {remaining} with intersections left, {failed} failed",
             entries.len()
         )
     }
@@ -69,6 +75,8 @@ impl Entry {
             state: result.state,
             error: result.error.clone(),
             pairs: report.map_or([0; 2], |r| [r.before.total_pairs(), r.after.total_pairs()]),
+            own_pairs: result.own_pairs(),
+            everywhere: result.cleanness() == Some(Cleanness::Everywhere),
             inside: report.map_or([0; 2], |r| [r.before.total_inside(), r.after.total_inside()]),
             alignment_strain: result.alignments.iter().map(|a| a.strain.p99).fold(0.0, f64::max),
             moved: largest(|l| l.moved.max),
@@ -87,6 +95,8 @@ impl Entry {
             folder: String::new(),
             pairs: [0; 2],
             inside: [0; 2],
+            own_pairs: [0; 2],
+            everywhere: false,
             alignment_strain: 0.0,
             moved: 0.0,
             strain: 0.0,

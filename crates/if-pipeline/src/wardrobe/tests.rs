@@ -1,7 +1,7 @@
 use super::batch::{self, BatchParams};
 use super::combination::{Combination, Order, RandomParams, random};
-use super::dresser::Dresser;
-use super::matching::{MatchParams, Placed, State, run_into_folder};
+use super::dresser::{Dresser, TurnedBone};
+use super::matching::{self, MatchParams, Placed, State, run_into_folder};
 use super::*;
 use crate::asset::{Beside, LayerHint, Provenance};
 use if_body::align::{AlignParams, Method};
@@ -700,6 +700,67 @@ fn another_alignment_is_another_request() {
 }
 
 #[test]
+fn what_a_person_should_know_of_a_result_is_noted() {
+    let root = tempfile::tempdir().unwrap();
+    let wardrobe = filled(root.path());
+    let dresser = Dresser::new(&wardrobe, Default::default());
+    let params = MatchParams { picture_height: 0, ..Default::default() };
+    let worn = on("large", &["tshirt"]);
+    let mut result = matching::run(&dresser, &worn, &params, &mut Silent).unwrap().result;
+    assert_eq!((result.notes(), result.turned.clone()), (vec![], vec![None]));
+    assert_eq!(result.own_pairs(), [0, 0]);
+    assert_eq!(result.cleanness(), Some(if_outfit::Cleanness::Everywhere));
+    result.alignments[0].own_pairs = [2, 9];
+    let note = |change: &dyn Fn(&mut matching::MatchResult)| {
+        let mut changed = result.clone();
+        change(&mut changed);
+        (changed.notes().join("\n"), changed.own_pairs())
+    };
+    let (text, _) = note(&|r| r.alignments[0].strain.rms = 0.31);
+    assert!(text.contains("is it made for another size?"), "{text}");
+    let (text, _) = note(&|r| r.alignments[0].method = Method::Similarity);
+    assert!(text.contains("could not be registered") && text.contains("--template"), "{text}");
+    let bone = TurnedBone { bone: "left_thigh".into(), degrees: 39.6 };
+    let (text, _) = note(&|r| {
+        r.alignments[0].strain.rms = 0.31;
+        r.turned = vec![Some(bone.clone())];
+    });
+    assert!(text.contains("`left_thigh` is turned by 40°") && !text.contains("size"), "{text}");
+    // As many pairs as at rest are none that anything has made.
+    let left = |left: usize| {
+        move |r: &mut matching::MatchResult| {
+            r.report.as_mut().unwrap().layers[0].own_pairs.after = left;
+        }
+    };
+    assert_eq!(note(&left(2)), (String::new(), [2, 2]));
+    let (text, pairs) = note(&left(3));
+    assert!(text.contains("meets itself in 3 pairs of triangles, at rest in 2"), "{text}");
+    assert_eq!(pairs, [2, 3]);
+}
+
+#[test]
+fn results_do_not_lie_among_bodies_and_garments() {
+    let root = tempfile::tempdir().unwrap();
+    let wardrobe = filled(root.path());
+    let dresser = Dresser::new(&wardrobe, Default::default());
+    let params = MatchParams { picture_height: 0, ..Default::default() };
+    let worn = on("slim", &["tshirt"]);
+    for inside in ["garments/look", "bodies/../garments", "clothed/a/b"] {
+        let out = root.path().join(inside);
+        fs::create_dir_all(root.path().join("clothed")).unwrap();
+        let is_refused = |error| matches!(error, WardrobeError::InTheWay { .. });
+        let one = run_into_folder(&out, &dresser, &worn, &params, false, &mut Silent);
+        assert!(is_refused(one.unwrap_err()), "{inside}");
+        let batch = BatchParams { at_once: 1, again: false };
+        let all = batch::run(&out, &dresser, &[worn.clone()], &params, &batch, &keep_on);
+        assert!(is_refused(all.unwrap_err()), "{inside}");
+    }
+    assert!(!root.path().join("garments/look").exists());
+    let out = root.path().join("look");
+    run_into_folder(&out, &dresser, &worn, &params, false, &mut Silent).unwrap();
+}
+
+#[test]
 fn random_combinations_are_wearable_different_and_the_same_for_a_seed() {
     let root = tempfile::tempdir().unwrap();
     let wardrobe = filled(root.path());
@@ -720,6 +781,8 @@ fn random_combinations_are_wearable_different_and_the_same_for_a_seed() {
         random(&wardrobe, &RandomParams { count: 5000, ..params.clone() }),
         Err(WardrobeError::TooFew { .. })
     ));
+    let error = random(&wardrobe, &RandomParams { count: 1_000_001, ..params.clone() });
+    assert!(matches!(error, Err(WardrobeError::Parameter(e)) if e.name == "count"));
     assert!(matches!(
         random(&wardrobe, &RandomParams { least: 3, most: 2, ..params.clone() }),
         Err(WardrobeError::Sizes { .. })
