@@ -3,10 +3,12 @@
 mod claim;
 mod finished;
 mod names;
+mod pace;
 mod page;
 mod state;
 mod summary;
 mod taken;
+mod writing;
 mod written;
 
 use crate::cancel;
@@ -18,22 +20,22 @@ use crate::progress::Line;
 use crate::values::{above_zero, pose_sigma};
 use claim::{Claim, Running};
 use clap::Args;
-use finished::{REPORT, Request};
+use finished::Request;
 use if_body::{TemplateBody, check_upright};
 use if_core::monitor::Progress;
 use if_mesh::atomic::{FolderWriter, PATIENCE};
 use if_mesh::baked::BakeParams;
-use if_mesh::ply::{self, Column, PlyMesh, Property, WriteParams};
 use if_neural::deform::DeformParams;
 use if_outfit::digest;
-use if_pipeline::asset::{LayerHint, Parts, Provenance};
-use if_pipeline::capture::{Capture, CaptureError, PoseSigma, write_poses};
+use if_pipeline::asset::Provenance;
+use if_pipeline::capture::{Capture, CaptureError, PoseSigma};
 use if_pipeline::reconstruct::{
     FieldsParams, MotionNetworkParams, MotionParams, PhiNetwork, PhiParams, PoseParams,
-    ReconstructError, ReconstructParams, Reconstruction, reconstruct, write_frames,
+    ReconstructError, ReconstructParams, reconstruct,
 };
-use if_pipeline::wardrobe::{CLOTHED, NewBody, Wardrobe, WardrobeError};
+use if_pipeline::wardrobe::{CLOTHED, Wardrobe, WardrobeError};
 use miette::{Diagnostic, Report};
+use pace::{Pace, described};
 use serde::Serialize;
 use state::State;
 use std::error::Error;
@@ -42,10 +44,10 @@ use std::io;
 use std::num::NonZeroUsize;
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
-use std::time::{Duration, Instant};
+use std::time::Instant;
 use summary::{summary, warnings};
 use taken::Names;
-use written::Written;
+use writing::{BodyPaths, write_assets, write_clothed};
 
 #[derive(Args, Debug, Clone, Serialize)]
 pub(crate) struct ReconstructArgs {
@@ -407,198 +409,4 @@ fn help(error: &ReconstructError) -> &'static str {
         ) => "give --body the folder of the body that the poses are of",
         _ => "captures are specified in docs/reference/capture.md",
     }
-}
-
-/// Least time between two steps of a stage that are logged: the fastest stages have hundreds a second,
-/// and rounds of the surface, which matter most, take longer on captures of a usual size.
-const LOGGED_EACH: Duration = Duration::from_secs(1);
-
-/// Estimates the remaining time of a stage by the time of its steps so far, and selects which are logged.
-struct Pace {
-    stage: &'static str,
-    first: usize,
-    start: Instant,
-    logged: Option<Instant>,
-}
-
-impl Pace {
-    fn new() -> Self {
-        Self { stage: "", first: 0, start: Instant::now(), logged: None }
-    }
-
-    /// Seconds until the stage ends; `None` at its first step.
-    fn seconds_left(&mut self, progress: &Progress) -> Option<f64> {
-        if progress.stage != self.stage {
-            *self = Self { stage: progress.stage, first: progress.done, ..Self::new() };
-        }
-        let done = progress.done.saturating_sub(self.first);
-        let left = progress.total?.saturating_sub(progress.done);
-        (done > 0).then(|| self.start.elapsed().as_secs_f64() / done as f64 * left as f64)
-    }
-
-    /// Whether to log a step whose stage [`Pace::seconds_left`] has seen: the first of each stage, and
-    /// of the others one from time to time.
-    fn is_due(&mut self) -> bool {
-        let is_due = self.logged.is_none_or(|logged| logged.elapsed() >= LOGGED_EACH);
-        if is_due {
-            self.logged = Some(Instant::now());
-        }
-        is_due
-    }
-}
-
-fn described(progress: &Progress, seconds_left: Option<f64>) -> String {
-    let what = match progress.stage {
-        "read" => "reading frames",
-        "start" => "looking for loose clothes",
-        "poses" => "refining poses",
-        "surface" => "fitting the surface",
-        "fields" => "training φ and d",
-        "extract" => "extracting the canonical mesh",
-        "motion" => "solving the motion of single frames",
-        "motion_network" => "fitting the network of the motion",
-        "phi" => "fitting the network of φ",
-        "garments" => "finding garments",
-        "smooth" | "expand" => "smoothing labels",
-        "holes" | "boundary" => "cleaning a garment",
-        stage => stage,
-    };
-    let mut text = what.to_owned();
-    if let Some(total) = progress.total {
-        text += &format!(" {}/{total}", progress.done);
-    }
-    if let Some(mm) = progress.measure("silhouette_mm") {
-        text += &format!(", silhouettes off by {mm:.1} mm");
-    }
-    if let Some(degrees) = progress.measure("normal_degrees") {
-        text += &format!(", normals by {degrees:.1}°");
-    }
-    if let Some(mm) = progress.measure("mean_mm") {
-        text += &format!(", φ off by {mm:.1} mm");
-    }
-    if let Some(left) = seconds_left {
-        text += &format!(", {left:.0} s left");
-    }
-    text
-}
-
-/// What a reconstruction is made of, it, and its provenance.
-type Finished<'a> = (&'a Capture, &'a Reconstruction, &'a Provenance);
-
-/// The files of a template body that a wardrobe takes.
-struct BodyPaths {
-    name: String,
-    mesh: PathBuf,
-    template: Option<PathBuf>,
-    skeleton: Option<PathBuf>,
-}
-
-impl BodyPaths {
-    fn of(folder: &Path, name: Option<&str>) -> Self {
-        let file = |name: &str| Some(folder.join(name)).filter(|p| p.is_file());
-        Self {
-            name: name.map_or_else(|| names::last_name(folder, "body"), str::to_owned),
-            mesh: file("body_clean.ply").unwrap_or_else(|| folder.join("body.ply")),
-            template: file("body.ply"),
-            skeleton: file("skeleton.json"),
-        }
-    }
-
-    fn files(&self) -> impl Iterator<Item = &Path> {
-        [Some(&self.mesh), self.template.as_ref(), self.skeleton.as_ref()]
-            .into_iter()
-            .flatten()
-            .map(PathBuf::as_path)
-    }
-
-    fn body(&self) -> NewBody<'_> {
-        NewBody {
-            template: self.template.as_deref(),
-            skeleton: self.skeleton.as_deref(),
-            ..NewBody::new(&self.name, &self.mesh)
-        }
-    }
-}
-
-/// The body and the garments, into the wardrobe. Returns their names, and those of garments that stay from
-/// an earlier reconstruction.
-fn write_assets(
-    (mut wardrobe, body): (Wardrobe, &NewBody),
-    names: &[String],
-    (capture, found, provenance): Finished<'_>,
-    network: Option<&[u8]>,
-) -> Result<(Written, Vec<String>), WardrobeError> {
-    let body = wardrobe.add_body_once(body)?;
-    let mut made = vec![false; names.len()];
-    for garment in &found.garments {
-        let k = capture
-            .garments()
-            .iter()
-            .position(|n| *n == garment.name)
-            .expect("garments are the capture's");
-        made[k] = true;
-        wardrobe.add(&Parts {
-            name: &names[k],
-            hint: LayerHint::of_name(&garment.name),
-            body: &body,
-            mesh: &garment.mesh,
-            skin: Some(&garment.skin),
-            beside: None,
-            provenance,
-            network,
-            baked: garment.phi.as_ref(),
-        })?;
-    }
-    let stays = |(name, made): &(&String, bool)| !made && wardrobe.garments().contains_key(*name);
-    let named = || names.iter().zip(made.iter().copied());
-    let earlier = named().filter(stays).map(|(name, _)| name.clone()).collect();
-    let garments = named().filter(|(_, made)| *made).map(|(name, _)| name.clone()).collect();
-    Ok((Written { body: body.name, garments, ..Written::default() }, earlier))
-}
-
-/// The clothed body with its labels, a report, and where asked for the frames.
-fn write_clothed(
-    args: &ReconstructArgs,
-    (writer, name): (&FolderWriter, &str),
-    (capture, found, provenance): Finished<'_>,
-    template: &TemplateBody,
-    record: impl FnOnce(&Path) -> io::Result<()>,
-) -> io::Result<()> {
-    let corrected = found.corrected(capture).map_err(io::Error::other)?;
-    writer.write(name, |folder| {
-        let mut properties = found.skin.to_properties();
-        properties.push(Property::new("label", Column::U8(found.labels.clone())));
-        let file = PlyMesh { vertex_properties: properties, ..PlyMesh::new(found.mesh.clone()) };
-        let path: PathBuf = folder.join("canonical.ply");
-        ply::write_path(&file, found.mesh.vertices(), &WriteParams::default(), &path)
-            .map_err(io::Error::other)?;
-        if args.frames {
-            write_frames(
-                &folder.join("frames"),
-                &found.mesh,
-                &found.skin,
-                &template.skeleton,
-                &corrected,
-                found.motion.as_ref().filter(|_| args.motion == MotionFrom::Solved),
-            )
-            .map_err(io::Error::other)?;
-        }
-        if let Some(fields) = &found.fields {
-            fs::write(folder.join("phi.safetensors"), fields.phi_bytes()?)?;
-            fs::write(folder.join("deformation.safetensors"), fields.deformation_bytes()?)?;
-        }
-        if let Some(network) = &found.motion_network {
-            fs::write(folder.join("deformation.safetensors"), network.to_bytes()?)?;
-        }
-        if let Some(poses) = &found.poses {
-            let numbered = poses.iter().enumerate().map(|(k, pose)| (capture.number(k), pose));
-            let path = folder.join("poses.json");
-            write_poses(&path, capture.joints(), corrected.camera(), numbered)
-                .map_err(io::Error::other)?;
-        }
-        fs::write(folder.join(PROVENANCE), serde_json::to_vec_pretty(provenance)?)?;
-        fs::write(folder.join(REPORT), serde_json::to_vec_pretty(&found.report)?)?;
-        fs::write(folder.join("report.html"), page::page(name, found)?)?;
-        record(folder)
-    })
 }
