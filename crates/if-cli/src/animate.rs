@@ -253,6 +253,7 @@ pub(crate) fn animated(spec: &OutfitSpec, args: &Options) -> Result<End, Report>
         "request": animation.frames.request(),
         "params": params,
         "weights_from_body": moved.without_weights(),
+        "weights_left_out": summary::left_out(moved.left_out()),
         "joints_not_in_motion": moved.unmatched(),
         "rest_frame": moved.rest_frame(),
         "skeleton_from_skin": misplaced,
@@ -274,6 +275,7 @@ pub(crate) fn animated(spec: &OutfitSpec, args: &Options) -> Result<End, Report>
     } else {
         let notes = summary::Notes {
             without_weights: moved.without_weights(),
+            left_out: moved.left_out(),
             unmatched: moved.unmatched(),
             rest_frame: moved.rest_frame(),
             misplaced,

@@ -2,7 +2,9 @@
 
 use crate::table::{self, count, counted, new_table};
 use comfy_table::Cell;
+use if_body::LeftOut;
 use if_pipeline::animate::{AnimationReport, FrameReport, IntervalReport, PinchReport};
+use serde_json::{Value, json};
 use std::cmp::Reverse;
 use std::path::Path;
 
@@ -31,6 +33,8 @@ pub(super) const HEADER: [&str; 12] = [
 pub(super) struct Notes<'a> {
     /// Garments whose weights were taken from the body.
     pub(super) without_weights: &'a [String],
+    /// Layers of whose weights some are left out.
+    pub(super) left_out: &'a [(String, LeftOut)],
     /// Joints that the motion lacks.
     pub(super) unmatched: &'a [String],
     /// The frame that stands for the rest pose of the motion.
@@ -168,6 +172,7 @@ fn noticed(notes: &Notes<'_>) -> String {
         names => format!("{what}: {}\n", names.join(", ")),
     };
     let from_body = line("Weights taken from the body", notes.without_weights);
+    let left_out: String = notes.left_out.iter().map(left_out_line).collect();
     let still = line("Joints that the motion lacks, which follow their parents", notes.unmatched);
     let rest = notes.rest_frame.map_or(String::new(), |frame| {
         format!("The rest pose of the motion is no upright person; frame {frame} stands for it.\n")
@@ -178,7 +183,23 @@ fn noticed(notes: &Notes<'_>) -> String {
             1e3 * distance
         )
     });
-    format!("{from_body}{still}{rest}{misplaced}")
+    format!("{from_body}{left_out}{still}{rest}{misplaced}")
+}
+
+/// What is said of a layer whose vertices follow more joints than are kept.
+fn left_out_line((layer, of): &(String, LeftOut)) -> String {
+    format!(
+        "Vertices of `{layer}` that follow more than four joints, of which those with the largest weights are kept: {}; \
+         up to {:.1} % of the weight of one is left out.\n",
+        count(of.vertices),
+        1e2 * of.largest
+    )
+}
+
+/// The rows of layers of whose weights some are left out.
+pub(super) fn left_out(layers: &[(String, LeftOut)]) -> Value {
+    let row = |(layer, of): &(String, LeftOut)| json!({"layer": layer, "vertices": of.vertices, "largest": of.largest});
+    layers.iter().map(row).collect()
 }
 
 fn between_text(between: &[IntervalReport]) -> String {
@@ -235,12 +256,15 @@ pub(super) fn cells((k, row): (usize, &FrameReport)) -> [String; 12] {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use if_body::SkinWeights;
+    use if_mesh::gltf::Influences;
 
     #[test]
     fn what_was_noticed_of_the_files_has_a_line_each() {
         let names = ["thumb".to_owned()];
         let notes = |rest_frame, misplaced| Notes {
             without_weights: &[],
+            left_out: &[],
             unmatched: &names,
             rest_frame,
             misplaced,
@@ -251,6 +275,23 @@ mod tests {
         assert!(lines[1].ends_with("no upright person; frame 12 stands for it."), "{text}");
         assert!(lines[2].contains("250 mm from the skin") && lines.len() == 3, "{text}");
         assert_eq!(noticed(&notes(None, None)).lines().count(), 1);
+        let skin = [[0, 1, 2, 3, 4], [0, 0, 1, 2, 3]].map(|of| of.map(|joint| (joint, 0.2)));
+        let joints = ["a", "b", "c", "d", "e"];
+        let influences = Influences {
+            joints: joints.map(str::to_owned).to_vec(),
+            of_vertex: skin.map(|of| of.to_vec()).to_vec(),
+        };
+        let weights = SkinWeights::from_gltf(&influences, joints.into_iter()).unwrap();
+        let layers = [("coat".to_owned(), weights.left_out().unwrap())];
+        let text = noticed(&Notes { left_out: &layers, ..notes(None, None) });
+        let line = text.lines().next().unwrap();
+        assert!(line.starts_with("Vertices of `coat` that follow more than four joints"), "{line}");
+        assert!(
+            line.ends_with("are kept: 1; up to 20.0 % of the weight of one is left out."),
+            "{line}"
+        );
+        let rows = json!([{"layer": "coat", "vertices": 1, "largest": 0.2}]);
+        assert_eq!(left_out(&layers), rows);
     }
 
     #[test]

@@ -3,7 +3,7 @@
 use super::bound::BoundOutfit;
 use super::movement::Movement;
 use super::outfit::SkinnedOutfit;
-use if_body::Motion;
+use if_body::{LeftOut, Motion};
 use if_core::math::Real;
 
 /// An outfit with what moves it.
@@ -28,6 +28,14 @@ impl MovingOutfit {
     pub fn without_weights(&self) -> &[String] {
         match self {
             Self::Poses(outfit, _) => &outfit.without_weights,
+            Self::Bodies(_) => &[],
+        }
+    }
+
+    /// Layers of whose weights some are left out, and how many.
+    pub fn left_out(&self) -> &[(String, LeftOut)] {
+        match self {
+            Self::Poses(outfit, _) => &outfit.left_out,
             Self::Bodies(_) => &[],
         }
     }
