@@ -181,7 +181,8 @@ impl SkinWeights {
     }
 
     /// The weights of a mesh file: vertex properties j0 to j3 and w0 to w3 of PLY files, and skins of glTF
-    /// files whose joints have the names of the skeleton's. `None` if it has none.
+    /// files whose joints have the names of the skeleton's, or the joint from which a node without a skin
+    /// hangs. `None` if it has none.
     ///
     /// # Errors
     ///
@@ -193,7 +194,9 @@ impl SkinWeights {
                 .any(|name| ply.vertex_property(name).is_some())
                 .then(|| Self::from_ply(ply, skeleton.len())),
             Content::Gltf(gltf) => {
-                gltf.influences().map(|influences| Self::from_gltf(&influences, skeleton.names()))
+                let is_joint = |joint: &str| skeleton.names().any(|name| name == joint);
+                gltf.influences(is_joint)
+                    .map(|influences| Self::from_gltf(&influences, skeleton.names()))
             }
             _ => None,
         };
