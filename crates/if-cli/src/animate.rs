@@ -255,6 +255,8 @@ pub(crate) fn animated(spec: &OutfitSpec, args: &Options) -> Result<End, Report>
         "weights_from_body": moved.without_weights(),
         "weights_left_out": summary::left_out(moved.left_out()),
         "joints_not_in_motion": moved.unmatched(),
+        "joints_of_motion_left_over": moved.left_over(),
+        "limbs_not_moved": moved.still(),
         "rest_frame": moved.rest_frame(),
         "skeleton_from_skin": misplaced,
         "outputs": names,
@@ -277,6 +279,8 @@ pub(crate) fn animated(spec: &OutfitSpec, args: &Options) -> Result<End, Report>
             without_weights: moved.without_weights(),
             left_out: moved.left_out(),
             unmatched: moved.unmatched(),
+            left_over: moved.left_over(),
+            still: moved.still(),
             rest_frame: moved.rest_frame(),
             misplaced,
         };

@@ -10,6 +10,8 @@ use std::path::Path;
 
 /// Rows shown of frames that are clean, evenly spaced; those that are not are all shown.
 const SHOWN: usize = 24;
+/// Joints of the motion that are named.
+const SHOWN_JOINTS: usize = 6;
 /// Jumps of the motion that are named.
 const SHOWN_CUTS: usize = 8;
 
@@ -37,6 +39,10 @@ pub(super) struct Notes<'a> {
     pub(super) left_out: &'a [(String, LeftOut)],
     /// Joints that the motion lacks.
     pub(super) unmatched: &'a [String],
+    /// Joints of the motion that no joint of the skeleton follows.
+    pub(super) left_over: &'a [String],
+    /// Large bones of limbs that do not move though others of the limb do.
+    pub(super) still: &'a [String],
     /// The frame that stands for the rest pose of the motion.
     pub(super) rest_frame: Option<usize>,
     /// How far the skeleton lies from the body, if it may be another one's, in metres.
@@ -173,7 +179,13 @@ fn noticed(notes: &Notes<'_>) -> String {
     };
     let from_body = line("Weights taken from the body", notes.without_weights);
     let left_out: String = notes.left_out.iter().map(left_out_line).collect();
-    let still = line("Joints that the motion lacks, which follow their parents", notes.unmatched);
+    let unmatched =
+        line("Joints that the motion lacks, which follow their parents", notes.unmatched);
+    let left_over = match notes.unmatched {
+        [] => String::new(),
+        _ => left_over_line(notes.left_over),
+    };
+    let still: String = notes.still.iter().map(|bone| still_line(bone)).collect();
     let rest = notes.rest_frame.map_or(String::new(), |frame| {
         format!("The rest pose of the motion is no upright person; frame {frame} stands for it.\n")
     });
@@ -183,7 +195,27 @@ fn noticed(notes: &Notes<'_>) -> String {
             1e3 * distance
         )
     });
-    format!("{from_body}{left_out}{still}{rest}{misplaced}")
+    format!("{from_body}{left_out}{unmatched}{left_over}{still}{rest}{misplaced}")
+}
+
+/// Joints of the motion that the skeleton may have by other names; empty if there are none.
+fn left_over_line(joints: &[String]) -> String {
+    if joints.is_empty() {
+        return String::new();
+    }
+    let shown = joints.iter().take(SHOWN_JOINTS).map(String::as_str).collect::<Vec<_>>().join(", ");
+    let more = match joints.len().saturating_sub(SHOWN_JOINTS) {
+        0 => String::new(),
+        more => format!(" and {} more", count(more)),
+    };
+    format!("Joints of the motion that nothing follows: {shown}{more}\n")
+}
+
+/// What is said of a large bone of a limb, such as `left upper arm`.
+fn still_line(bone: &str) -> String {
+    format!(
+        "The {bone} does not move: the motion has other joints of that limb, and none that is known to be this one. Rename it there.\n"
+    )
 }
 
 /// What is said of a layer whose vertices follow more joints than are kept.
@@ -266,6 +298,8 @@ mod tests {
             without_weights: &[],
             left_out: &[],
             unmatched: &names,
+            left_over: &[],
+            still: &[],
             rest_frame,
             misplaced,
         };
@@ -275,6 +309,17 @@ mod tests {
         assert!(lines[1].ends_with("no upright person; frame 12 stands for it."), "{text}");
         assert!(lines[2].contains("250 mm from the skin") && lines.len() == 3, "{text}");
         assert_eq!(noticed(&notes(None, None)).lines().count(), 1);
+        let joints: Vec<String> = (0..8).map(|k| format!("bone{k}")).collect();
+        let still = ["left upper arm".to_owned()];
+        let notes_of = |joints| Notes { left_over: joints, still: &still, ..notes(None, None) };
+        let text = noticed(&notes_of(&joints));
+        let lines: Vec<&str> = text.lines().collect();
+        let expected = "nothing follows: bone0, bone1, bone2, bone3, bone4, bone5 and 2 more";
+        assert!(lines[1].ends_with(expected), "{text}");
+        assert!(lines[2].starts_with("The left upper arm does not move: "), "{text}");
+        // Where nothing lacks, what is left over of the motion is as it should be.
+        let text = noticed(&Notes { unmatched: &[], ..notes_of(&joints) });
+        assert!(text.lines().count() == 1 && text.starts_with("The left"), "{text}");
         let skin = [[0, 1, 2, 3, 4], [0, 0, 1, 2, 3]].map(|of| of.map(|joint| (joint, 0.2)));
         let joints = ["a", "b", "c", "d", "e"];
         let influences = Influences {

@@ -53,6 +53,16 @@ impl MovingOutfit {
         self.motion().map_or(&[], |motion| &motion.unmatched)
     }
 
+    /// Joints of the motion that no joint of the skeleton follows.
+    pub fn left_over(&self) -> &[String] {
+        self.motion().map_or(&[], |motion| &motion.left_over)
+    }
+
+    /// Large bones of limbs that the motion lacks while it has others of the limb, in words.
+    pub fn still(&self) -> &[String] {
+        self.motion().map_or(&[], |motion| &motion.still)
+    }
+
     /// The frame that stands for the rest pose of the motion.
     pub fn rest_frame(&self) -> Option<usize> {
         self.motion()?.rest_frame
