@@ -36,6 +36,9 @@ pub struct Motion {
     /// Upper arms, forearms, thighs and shins that the file lacks while it has other joints of that limb, in words:
     /// `left upper arm`. Probably it has another name for them.
     pub still: Vec<String>,
+    /// Where a BVH file has the hips of the first frame on its floor, from the origin, to which they are moved; in
+    /// metres of the skeleton.
+    pub moved_to_origin: Option<[Real; 2]>,
     /// The frame that stands for the rest pose of the file, where that is no upright person.
     pub rest_frame: Option<usize>,
 }
@@ -133,7 +136,16 @@ impl Motion {
     pub fn new(frames_per_second: Real, poses: Vec<Pose>) -> Result<Self, MotionError> {
         Self::check_frames(frames_per_second, &poses)?;
         let (unmatched, left_over, still) = Default::default();
-        Ok(Self { frames_per_second, poses, unmatched, left_over, still, rest_frame: None })
+        let (moved_to_origin, rest_frame) = (None, None);
+        Ok(Self {
+            frames_per_second,
+            poses,
+            unmatched,
+            left_over,
+            still,
+            moved_to_origin,
+            rest_frame,
+        })
     }
 
     fn check_frames(frames_per_second: Real, poses: &[Pose]) -> Result<(), MotionError> {
@@ -184,7 +196,7 @@ impl Motion {
     fn from_bvh(text: &str, skeleton: &Skeleton) -> Result<Self, MotionError> {
         let file = Bvh::read(text)?;
         let frames_per_second = 1.0 / file.frame_time;
-        let Retargeted { poses, unmatched, left_over, still, rest_frame } =
+        let Retargeted { poses, unmatched, left_over, still, start, rest_frame } =
             retarget(file, skeleton)?;
         let pose = |(frame, (translation, turns)): (usize, (Vector, Vec<UnitQuaternion<Real>>))| {
             let pose = Pose { root_translation: translation, rotations: turns };
@@ -192,7 +204,9 @@ impl Motion {
                 .map_err(|source| MotionError::Pose { frame, source })
         };
         let poses = poses.into_iter().enumerate().map(pose).collect::<Result<_, _>>()?;
-        Ok(Self { unmatched, left_over, still, rest_frame, ..Self::new(frames_per_second, poses)? })
+        let moved_to_origin = Some([start.x, start.z]);
+        let motion = Self::new(frames_per_second, poses)?;
+        Ok(Self { unmatched, left_over, still, moved_to_origin, rest_frame, ..motion })
     }
 
     fn from_json(text: &str, skeleton: &Skeleton) -> Result<Self, MotionError> {

@@ -257,6 +257,7 @@ pub(crate) fn animated(spec: &OutfitSpec, args: &Options) -> Result<End, Report>
         "joints_not_in_motion": moved.unmatched(),
         "joints_of_motion_left_over": moved.left_over(),
         "limbs_not_moved": moved.still(),
+        "moved_to_origin": moved.moved_to_origin(),
         "rest_frame": moved.rest_frame(),
         "skeleton_from_skin": misplaced,
         "outputs": names,
@@ -281,6 +282,7 @@ pub(crate) fn animated(spec: &OutfitSpec, args: &Options) -> Result<End, Report>
             unmatched: moved.unmatched(),
             left_over: moved.left_over(),
             still: moved.still(),
+            moved_to_origin: moved.moved_to_origin(),
             rest_frame: moved.rest_frame(),
             misplaced,
         };

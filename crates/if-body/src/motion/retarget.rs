@@ -22,6 +22,8 @@ pub(super) struct Retargeted {
     pub(super) left_over: Vec<String>,
     /// Large bones of limbs that the file lacks while it has others of the limb, in words.
     pub(super) still: Vec<String>,
+    /// From the origin to where the first frame has the hips on the floor of the file, at the size of the skeleton.
+    pub(super) start: Vector,
     /// The frame that stands for the rest pose of the file.
     pub(super) rest_frame: Option<usize>,
 }
@@ -103,7 +105,8 @@ pub(super) fn retarget(mut bvh: Bvh, skeleton: &Skeleton) -> Result<Retargeted, 
     let unmatched = missing.map(|j| joints[j].name.clone()).collect();
     let poses = poses.collect();
     let left_over = left_over(&bvh, of, hips_of_file);
-    Ok(Retargeted { poses, unmatched, left_over, still: matches.still, rest_frame: frame })
+    let (start, still) = (start * scale, matches.still);
+    Ok(Retargeted { poses, unmatched, left_over, still, start, rest_frame: frame })
 }
 
 /// Joints with channels below the hips of the file that no joint of the skeleton follows, the nearest to the hips

@@ -453,6 +453,21 @@ fn bones_of_limbs_that_do_not_move_are_named_with_what_the_file_has_instead() {
 }
 
 #[test]
+fn where_a_file_begins_is_known_at_the_size_of_the_skeleton() {
+    let skeleton = crate::mannequin::rig::skeleton();
+    let mut pose = Pose::rest(skeleton.len());
+    pose.root_translation = Vector::new(2.0, 0.0, -1.0);
+    let text = written(&skeleton, &[pose.clone()], 100.0);
+    let motion = Motion::read(text.as_bytes(), &skeleton).unwrap();
+    let [x, z] = motion.moved_to_origin.unwrap();
+    let hips = skeleton.joints()[0].head;
+    assert!((x - 2.0 - hips.x).abs() < 1e-6 && (z + 1.0 - hips.z).abs() < 1e-6, "{x} {z}");
+    assert!(motion.poses[0].root_translation.norm() < 1e-6 + hips.x.hypot(hips.z));
+    assert_eq!(motion.every(1).moved_to_origin, Some([x, z]));
+    assert_eq!(Motion::new(24.0, vec![pose]).unwrap().moved_to_origin, None);
+}
+
+#[test]
 fn a_prefix_that_most_names_have_is_no_part_of_them() {
     let skeleton = Skeleton::new(half(SMPL)).unwrap();
     for prefix in ["mixamorig_", "Bip01 ", "DEF-", "J_Bip_", "rig1:"] {

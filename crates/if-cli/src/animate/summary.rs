@@ -12,6 +12,8 @@ use std::path::Path;
 const SHOWN: usize = 24;
 /// Joints of the motion that are named.
 const SHOWN_JOINTS: usize = 6;
+/// Distance from the origin, in metres, from which on it is noted that the motion begins elsewhere in its file.
+const ELSEWHERE: f64 = 1.0;
 /// Jumps of the motion that are named.
 const SHOWN_CUTS: usize = 8;
 
@@ -43,6 +45,8 @@ pub(super) struct Notes<'a> {
     pub(super) left_over: &'a [String],
     /// Large bones of limbs that do not move though others of the limb do.
     pub(super) still: &'a [String],
+    /// Where the file of the motion has the first frame, in metres.
+    pub(super) moved_to_origin: Option<[f64; 2]>,
     /// The frame that stands for the rest pose of the motion.
     pub(super) rest_frame: Option<usize>,
     /// How far the skeleton lies from the body, if it may be another one's, in metres.
@@ -189,13 +193,17 @@ fn noticed(notes: &Notes<'_>) -> String {
     let rest = notes.rest_frame.map_or(String::new(), |frame| {
         format!("The rest pose of the motion is no upright person; frame {frame} stands for it.\n")
     });
+    let elsewhere = notes.moved_to_origin.filter(|[x, z]| x.hypot(*z) > ELSEWHERE);
+    let elsewhere = elsewhere.map_or(String::new(), |[x, z]| {
+        format!("The motion begins over the origin; in its file at x = {x:.2} m, z = {z:.2} m.\n")
+    });
     let misplaced = notes.misplaced.map_or(String::new(), |distance| {
         format!(
             "Is this the skeleton of this body? Its joints are {:.0} mm from the skin that they bend (median).\n",
             1e3 * distance
         )
     });
-    format!("{from_body}{left_out}{unmatched}{left_over}{still}{rest}{misplaced}")
+    format!("{from_body}{left_out}{unmatched}{left_over}{still}{rest}{elsewhere}{misplaced}")
 }
 
 /// Joints of the motion that the skeleton may have by other names; empty if there are none.
@@ -300,6 +308,7 @@ mod tests {
             unmatched: &names,
             left_over: &[],
             still: &[],
+            moved_to_origin: None,
             rest_frame,
             misplaced,
         };
@@ -309,6 +318,9 @@ mod tests {
         assert!(lines[1].ends_with("no upright person; frame 12 stands for it."), "{text}");
         assert!(lines[2].contains("250 mm from the skin") && lines.len() == 3, "{text}");
         assert_eq!(noticed(&notes(None, None)).lines().count(), 1);
+        let begins = |at| noticed(&Notes { moved_to_origin: Some(at), ..notes(None, None) });
+        assert_eq!(begins([0.5, -0.5]).lines().count(), 1);
+        assert!(begins([3.0, -0.25]).ends_with("in its file at x = 3.00 m, z = -0.25 m.\n"));
         let joints: Vec<String> = (0..8).map(|k| format!("bone{k}")).collect();
         let still = ["left upper arm".to_owned()];
         let notes_of = |joints| Notes { left_over: joints, still: &still, ..notes(None, None) };

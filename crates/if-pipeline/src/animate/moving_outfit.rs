@@ -63,6 +63,11 @@ impl MovingOutfit {
         self.motion().map_or(&[], |motion| &motion.still)
     }
 
+    /// Where the motion's file has the hips of the first frame, if they are moved to the origin from there, in metres.
+    pub fn moved_to_origin(&self) -> Option<[Real; 2]> {
+        self.motion()?.moved_to_origin
+    }
+
     /// The frame that stands for the rest pose of the motion.
     pub fn rest_frame(&self) -> Option<usize> {
         self.motion()?.rest_frame
