@@ -61,7 +61,7 @@ pub(crate) struct AnimateArgs {
     pub(crate) pinch: PinchArg,
     /// The farthest that a body may yield, with a unit, such as 15mm. Where more would be needed, the
     /// frame has a pinch, which is named.
-    #[arg(long, value_name = "LENGTH", value_parser = above_zero, default_value = "10cm")]
+    #[arg(long, value_name = "LENGTH", value_parser = above_zero, default_value = "10cm", allow_hyphen_values = true)]
     pub(crate) body_depth: f64,
     /// Any other parameter of the motion, such as smoothing=0.2; docs/animate.md lists them. May be
     /// given more than once.
