@@ -75,14 +75,17 @@ pub(super) fn text(
     let between = between.map_or(String::new(), |(between, _)| between_text(between));
     let (pinches, let_go, noticed) = (pinches(frames), let_go(frames), noticed(&notes));
     let cuts = cuts(&report.cuts);
+    let reach = match frames.iter().any(|frame| frame.body.reach.is_some()) {
+        true => format!(", {:.0} mm from its overlaps", 1e3 * report.body_reach),
+        false => String::new(),
+    };
     format!(
-        "{rows}\n\n{pinches}{let_go}{between}{cuts}{noticed}{}: {} clean, {} clean everywhere; body at most {:.1} mm, {:.0} mm from its overlaps, jitter p99 {:.2} mm, \
+        "{rows}\n\n{pinches}{let_go}{between}{cuts}{noticed}{}: {} clean, {} clean everywhere; body at most {:.1} mm{reach}, jitter p99 {:.2} mm, \
          at most {:.1} mm, shake p99 {:.2} mm; {:.2} s a frame, {:.1} s in all{way}{kept}\nWrote {}: {}\n",
         counted(frames.len(), "frame"),
         count(report.clean),
         count(report.clean_everywhere),
         1e3 * report.body_max,
-        1e3 * report.body_reach,
         1e3 * report.jitter_p99,
         1e3 * report.jitter_max,
         1e3 * report.shake_p99,
