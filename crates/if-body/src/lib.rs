@@ -7,6 +7,7 @@
 #![doc = include_str!("../README.md")]
 
 pub mod align;
+mod left_out;
 pub mod mannequin;
 mod motion;
 mod pose;
@@ -19,6 +20,7 @@ mod template;
 mod upright;
 
 pub use align::{AlignError, AlignParams, BodyMap, BodyShape};
+pub use left_out::LeftOut;
 pub use motion::{BvhError, Motion, MotionError, is_rate};
 pub use pose::{Pose, PoseError};
 pub use sequence::{BodySequence, FrameSource, SequenceError};

@@ -31,6 +31,14 @@ pub struct Motion {
     pub poses: Vec<Pose>,
     /// Joints of the skeleton that the file does not have: they follow their parents.
     pub unmatched: Vec<String>,
+    /// Joints of the file that no joint of the skeleton follows, the nearest to its hips first.
+    pub left_over: Vec<String>,
+    /// Upper arms, forearms, thighs and shins that the file lacks while it has other joints of that limb, in words:
+    /// `left upper arm`. Probably it has another name for them.
+    pub still: Vec<String>,
+    /// Where a BVH file has the hips of the first frame on its floor, from the origin, to which they are moved; in
+    /// metres of the skeleton.
+    pub moved_to_origin: Option<[Real; 2]>,
     /// The frame that stands for the rest pose of the file, where that is no upright person.
     pub rest_frame: Option<usize>,
 }
@@ -127,7 +135,17 @@ impl Motion {
     /// [`MotionError::Empty`] or [`MotionError::Rate`].
     pub fn new(frames_per_second: Real, poses: Vec<Pose>) -> Result<Self, MotionError> {
         Self::check_frames(frames_per_second, &poses)?;
-        Ok(Self { frames_per_second, poses, unmatched: Vec::new(), rest_frame: None })
+        let (unmatched, left_over, still) = Default::default();
+        let (moved_to_origin, rest_frame) = (None, None);
+        Ok(Self {
+            frames_per_second,
+            poses,
+            unmatched,
+            left_over,
+            still,
+            moved_to_origin,
+            rest_frame,
+        })
     }
 
     fn check_frames(frames_per_second: Real, poses: &[Pose]) -> Result<(), MotionError> {
@@ -178,14 +196,17 @@ impl Motion {
     fn from_bvh(text: &str, skeleton: &Skeleton) -> Result<Self, MotionError> {
         let file = Bvh::read(text)?;
         let frames_per_second = 1.0 / file.frame_time;
-        let Retargeted { poses, unmatched, rest_frame } = retarget(file, skeleton)?;
+        let Retargeted { poses, unmatched, left_over, still, start, rest_frame } =
+            retarget(file, skeleton)?;
         let pose = |(frame, (translation, turns)): (usize, (Vector, Vec<UnitQuaternion<Real>>))| {
             let pose = Pose { root_translation: translation, rotations: turns };
             Pose::from_quaternions(translation, &pose.quaternions())
                 .map_err(|source| MotionError::Pose { frame, source })
         };
         let poses = poses.into_iter().enumerate().map(pose).collect::<Result<_, _>>()?;
-        Ok(Self { unmatched, rest_frame, ..Self::new(frames_per_second, poses)? })
+        let moved_to_origin = Some([start.x, start.z]);
+        let motion = Self::new(frames_per_second, poses)?;
+        Ok(Self { unmatched, left_over, still, moved_to_origin, rest_frame, ..motion })
     }
 
     fn from_json(text: &str, skeleton: &Skeleton) -> Result<Self, MotionError> {
@@ -279,6 +300,8 @@ impl Motion {
             frames_per_second: self.frames_per_second / step as Real,
             poses: self.poses.iter().step_by(step).cloned().collect(),
             unmatched: self.unmatched.clone(),
+            left_over: self.left_over.clone(),
+            still: self.still.clone(),
             ..*self
         }
     }

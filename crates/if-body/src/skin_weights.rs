@@ -1,5 +1,6 @@
 //! Skinning weights: up to four joints for each vertex.
 
+use crate::left_out::LeftOut;
 use crate::skeleton::Skeleton;
 use if_core::parameter::ParameterError;
 use if_mesh::file::{Content, MeshFile};
@@ -13,6 +14,7 @@ use std::collections::HashMap;
 pub struct SkinWeights {
     joints: Vec<[u16; 4]>,
     weights: Vec<[f32; 4]>,
+    left_out: Option<LeftOut>,
 }
 
 /// Skinning weights are invalid, or do not match a mesh or skeleton.
@@ -107,7 +109,7 @@ impl SkinWeights {
             }
             *w = w.map(|x| x / sum);
         }
-        Ok(Self { joints, weights })
+        Ok(Self { joints, weights, left_out: None })
     }
 
     /// Reads the properties j0 to j3 and w0 to w3 of a PLY file, for a skeleton of `count` joints.
@@ -146,7 +148,7 @@ impl SkinWeights {
     }
 
     /// The weights of a glTF file's skin, for a skeleton with joints of these names. Of more than four
-    /// joints a vertex keeps those with the largest weights.
+    /// joints a vertex keeps those with the largest weights, and the rest is [left out](Self::left_out).
     ///
     /// # Errors
     ///
@@ -160,10 +162,9 @@ impl SkinWeights {
         let of_joint: Vec<Option<usize>> = influences.joints.iter().map(find).collect();
         let n = influences.of_vertex.len();
         let (mut joints, mut weights) = (vec![[0u16; 4]; n], vec![[0f32; 4]; n]);
+        let mut left_out = None;
         for (vertex, of) in influences.of_vertex.iter().enumerate() {
-            let mut largest = of.clone();
-            largest.sort_by(|a, b| b.1.total_cmp(&a.1));
-            largest.truncate(4);
+            let largest = LeftOut::cut(&mut left_out, of);
             let sum: f64 = largest.iter().map(|(_, weight)| weight).sum();
             for (slot, (joint, weight)) in largest.into_iter().enumerate() {
                 let name = || influences.joints[joint].clone();
@@ -176,11 +177,12 @@ impl SkinWeights {
                 weights[vertex][slot] = (weight / sum) as f32;
             }
         }
-        Self::new(joints, weights, names.len())
+        Ok(Self { left_out, ..Self::new(joints, weights, names.len())? })
     }
 
     /// The weights of a mesh file: vertex properties j0 to j3 and w0 to w3 of PLY files, and skins of glTF
-    /// files whose joints have the names of the skeleton's. `None` if it has none.
+    /// files whose joints have the names of the skeleton's, or the joint from which a node without a skin
+    /// hangs. `None` if it has none.
     ///
     /// # Errors
     ///
@@ -192,7 +194,9 @@ impl SkinWeights {
                 .any(|name| ply.vertex_property(name).is_some())
                 .then(|| Self::from_ply(ply, skeleton.len())),
             Content::Gltf(gltf) => {
-                gltf.influences().map(|influences| Self::from_gltf(&influences, skeleton.names()))
+                let is_joint = |joint: &str| skeleton.names().any(|name| name == joint);
+                gltf.influences(is_joint)
+                    .map(|influences| Self::from_gltf(&influences, skeleton.names()))
             }
             _ => None,
         };
@@ -215,7 +219,7 @@ impl SkinWeights {
                 *joint = if *weight > 0.0 { found? } else { found.unwrap_or(0) };
             }
         }
-        Some(Self { joints, weights: self.weights })
+        Some(Self { joints, weights: self.weights, left_out: self.left_out })
     }
 
     /// The properties j0 to j3 and w0 to w3 for a PLY file; `uchar` joints where there are fewer
@@ -272,6 +276,11 @@ impl SkinWeights {
     /// Whether there are no vertices.
     pub fn is_empty(&self) -> bool {
         self.joints.is_empty()
+    }
+
+    /// What was left out of vertices that follow more than four joints in their glTF file; `None` if none does.
+    pub fn left_out(&self) -> Option<LeftOut> {
+        self.left_out
     }
 
     /// The joints of each vertex.
@@ -362,6 +371,13 @@ mod tests {
         let weights = of(&names[..5], vec![five]).unwrap();
         assert_eq!(weights.joints()[0], [4, 0, 3, 1]);
         assert!((weights.weights()[0][0] - 0.35 / 0.95).abs() < 1e-6);
+        let left_out = weights.left_out().unwrap();
+        assert!(left_out.vertices == 1 && (left_out.largest - 0.05).abs() < 1e-9, "{left_out:?}");
+        // Equal joints, as in copies of an armature or in two sets, are one.
+        let twice = vec![(0, 0.15), (1, 0.2), (2, 0.2), (3, 0.2), (4, 0.1), (0, 0.15)];
+        let weights = of(&names[..5], vec![twice]).unwrap();
+        assert_eq!(weights.joints()[0], [0, 1, 2, 3]);
+        assert!((weights.weights()[0][0] - 0.3 / 0.9).abs() < 1e-6);
         let tail = of(&["hip", "tail"], vec![vec![(0, 1.0)], vec![(1, 1.0)]]);
         assert_eq!(tail, Err(SkinError::UnknownJoint { vertex: 1, name: "tail".into() }));
         assert!(matches!(of(&["hip"], vec![vec![]]), Err(SkinError::Sum { vertex: 0, .. })));

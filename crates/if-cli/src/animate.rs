@@ -61,7 +61,7 @@ pub(crate) struct AnimateArgs {
     pub(crate) pinch: PinchArg,
     /// The farthest that a body may yield, with a unit, such as 15mm. Where more would be needed, the
     /// frame has a pinch, which is named.
-    #[arg(long, value_name = "LENGTH", value_parser = above_zero, default_value = "10cm")]
+    #[arg(long, value_name = "LENGTH", value_parser = above_zero, default_value = "10cm", allow_hyphen_values = true)]
     pub(crate) body_depth: f64,
     /// Any other parameter of the motion, such as smoothing=0.2; docs/animate.md lists them. May be
     /// given more than once.
@@ -253,7 +253,11 @@ pub(crate) fn animated(spec: &OutfitSpec, args: &Options) -> Result<End, Report>
         "request": animation.frames.request(),
         "params": params,
         "weights_from_body": moved.without_weights(),
+        "weights_left_out": summary::left_out(moved.left_out()),
         "joints_not_in_motion": moved.unmatched(),
+        "joints_of_motion_left_over": moved.left_over(),
+        "limbs_not_moved": moved.still(),
+        "moved_to_origin": moved.moved_to_origin(),
         "rest_frame": moved.rest_frame(),
         "skeleton_from_skin": misplaced,
         "outputs": names,
@@ -274,7 +278,11 @@ pub(crate) fn animated(spec: &OutfitSpec, args: &Options) -> Result<End, Report>
     } else {
         let notes = summary::Notes {
             without_weights: moved.without_weights(),
+            left_out: moved.left_out(),
             unmatched: moved.unmatched(),
+            left_over: moved.left_over(),
+            still: moved.still(),
+            moved_to_origin: moved.moved_to_origin(),
             rest_frame: moved.rest_frame(),
             misplaced,
         };

@@ -96,10 +96,12 @@ impl LayerSpec {
     }
 }
 
-/// The name of a node without characters that file names cannot have.
+/// The name of a node without characters that file names cannot have, and without the dots that hide a file.
 pub(crate) fn file_name_of(node: &str) -> String {
     let plain = |c: char| if c.is_alphanumeric() || "-_. ".contains(c) { c } else { '_' };
-    node.chars().map(plain).collect()
+    let shown = node.trim_start_matches('.');
+    let dots = node.len() - shown.len();
+    "_".repeat(dots).chars().chain(shown.chars().map(plain)).collect()
 }
 
 /// The command line or an outfit file does not describe an outfit.
@@ -334,4 +336,18 @@ pub(crate) fn override_params(
         params.effort.method = method.into();
     }
     Ok(params)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_of_nodes_make_files_that_are_shown() {
+        for (node, expected) in
+            [("../Jeans", "___Jeans"), (".hidden", "_hidden"), ("a.b c", "a.b c"), ("..", "__")]
+        {
+            assert_eq!(file_name_of(node), expected);
+        }
+    }
 }

@@ -51,6 +51,6 @@ pub(crate) use drawn_back::{DrawnBack, drawn_back};
 pub(crate) use facing::{pinched, room};
 pub(crate) use opening::{OWN, moved_apart};
 pub use params::WalkParams;
-pub use proof::{Pinched, Proof};
+pub use proof::{Pinched, Proof, VertexInside};
 pub use snapshot::SnapshotError;
 pub use walk::{WalkError, Walked, Walker};

@@ -39,7 +39,7 @@ pub use if_outfit::report::{PinchReport, PinchedGarment};
 pub use movement::Movement;
 pub use moving_outfit::MovingOutfit;
 pub use outfit::{SkinFault, SkinnedOutfit};
-pub use report::{AnimationReport, FrameReport, Spread};
+pub use report::{AnimationReport, FrameReport, NamedPair, NamedVertex, Spread};
 
 use if_body::Motion;
 use if_core::monitor::Monitor;

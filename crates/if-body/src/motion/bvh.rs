@@ -222,6 +222,11 @@ impl Bvh {
 }
 
 impl BvhJoint {
+    /// Whether frames may move it: others are ends of bones.
+    pub(super) fn has_channels(&self) -> bool {
+        !self.channels.is_empty()
+    }
+
     /// From its parent in a frame: its offset, but for the coordinates that have channels.
     fn translation(&self, row: &[Real]) -> Vector {
         let mut translation = self.offset;

@@ -28,6 +28,8 @@ pub(super) struct Matches {
     pub(super) goes_on: Vec<bool>,
     /// The same of the joints of the file.
     pub(super) goes_on_in_file: Vec<bool>,
+    /// Large bones of limbs that the file lacks while it has others of the limb, in words.
+    pub(super) still: Vec<String>,
 }
 
 impl Matches {
@@ -98,12 +100,12 @@ pub(super) fn matches(bvh: &Bvh, skeleton: &Skeleton) -> Result<Matches, BvhErro
     let of: Vec<Option<usize>> = (0..names.len()).map(of).collect();
     let found = of.iter().flatten().count();
     // A skeleton may have a hundred joints for a hand and a face.
-    let mut large = ['l', 'r'].into_iter().flat_map(|side| LIMBS.map(|bone| (Some(side), bone)));
+    let large = || ['l', 'r'].into_iter().flat_map(|side| LIMBS.map(|bone| (Some(side), bone)));
     let has_limb = |(side, bone): (Option<char>, &str)| {
         let mut of_limb = names.iter().zip(&of).filter(|(n, m)| m.is_some() && n.usual.0 == side);
         of_limb.any(|(name, _)| name.usual.1 == bone)
     };
-    if 2 * found < skeleton.len() && !large.all(has_limb) {
+    if 2 * found < skeleton.len() && !large().all(has_limb) {
         // A limb tells more of how joints are named than a handle of a rig does.
         let missing = skeleton.names().zip(&of).zip(&names).filter(|((_, m), _)| m.is_none());
         let missing = missing.min_by_key(|(_, name)| !name.is_limb());
@@ -111,6 +113,18 @@ pub(super) fn matches(bvh: &Bvh, skeleton: &Skeleton) -> Result<Matches, BvhErro
         let in_file = bvh.joints.iter().take(NAMED).map(|joint| joint.name.clone()).collect();
         return Err(BvhError::Joints { found, joints: skeleton.len(), missing, in_file });
     }
+    let is_still = |(side, bone): &(Option<char>, &str)| {
+        let is_own = |name: &Name| name.usual.0 == *side && name.usual.1 == *bone;
+        let limb: &[&str] = if LEG.contains(bone) { &LEG } else { &ARM };
+        names.iter().any(is_own)
+            && !has_limb((*side, bone))
+            && limb.iter().any(|bone| has_limb((*side, bone)))
+    };
+    let in_words = |(side, bone): (Option<char>, &str)| {
+        let side = if side == Some('l') { "left" } else { "right" };
+        format!("{side} {}", if bone == ARM[1] { "upper arm" } else { bone })
+    };
+    let still = large().filter(is_still).map(in_words).collect();
     let is_limb = names.iter().map(Name::is_limb).collect();
     let is_thigh = |[j, _]: &[usize; 2]| names[*j].usual.1 == LEG[0];
     let is_last = |name: &Name| ENDS.contains(&name.usual.1.as_str()) && name.is_limb();
@@ -124,7 +138,7 @@ pub(super) fn matches(bvh: &Bvh, skeleton: &Skeleton) -> Result<Matches, BvhErro
     let goes_on_in_file = goes_on(&of_file, |k| bvh.joints[k].parent);
     let goes_on = goes_on(&names, |j| skeleton.joints()[j].parent);
     let head = head_of_skeleton;
-    Ok(Matches { of, is_limb, hips, chest, is_end, thighs, head, goes_on, goes_on_in_file })
+    Ok(Matches { of, is_limb, hips, chest, is_end, thighs, head, goes_on, goes_on_in_file, still })
 }
 
 /// The head: the joint of that name, or the last one on from the chest by the chest's name, such as Rigify's
@@ -232,7 +246,7 @@ struct Name {
     /// Letters and digits in lower case, without a prefix as in `mixamorig:LeftArm`.
     plain: String,
     /// The side and the usual name: `LeftUpLeg`, `thigh.L` and `l_thigh` are all left, `thigh`, and so
-    /// are the parts of a bone, `upperleg01.L` and `upperleg02.L`.
+    /// are the parts of a bone, `upperleg01.L` and `upperleg02.L`, and `lThighBend`.
     usual: (Option<char>, String),
     /// Whether the usual name is without a number that the name has.
     is_part: bool,
@@ -251,15 +265,18 @@ const LIMBS: [&str; 4] = ["thigh", "shin", "arm", "forearm"];
 /// Names for the same joint of a limb, the usual one first.
 const SYNONYMS: [&[&str]; 8] = [
     &["thigh", "upleg", "upperleg", "hip"],
-    &["shin", "leg", "lowerleg", "calf", "knee"],
+    &["shin", "leg", "lowerleg", "lowleg", "calf", "knee"],
     &["foot", "ankle"],
     &["toe", "toebase", "toes", "ball", "forefoot"],
     &["shoulder", "clavicle", "collar"],
-    &["arm", "upperarm"],
-    &["forearm", "lowerarm", "elbow"],
+    &["arm", "upperarm", "uparm", "shldr"],
+    &["forearm", "lowerarm", "lowarm", "elbow"],
     &["hand", "wrist"],
 ];
 
+/// Last word of a bone that has a joint of its own for twists, `lThighBend` beside `lThighTwist`, as Daz Studio
+/// names them.
+const BEND: &str = "bend";
 /// A part of the hand beyond the wrist, where that has a name of its own.
 const PALM: &str = "palm";
 /// Ends of the names of joints that are there for the end of a bone alone.
@@ -335,13 +352,14 @@ impl Name {
         let middle = Some(without).filter(|own| !own.is_empty() && *own != plain);
         let at = words.iter().find_map(|w| side(w));
         let joined: String = words.iter().filter(|w| side(w).is_none()).cloned().collect();
-        let bone = without_number(&joined);
+        let numbered = without_number(&joined);
+        let bone = numbered.strip_suffix(BEND).unwrap_or(numbered);
         let synonyms = SYNONYMS.iter().find(|s| at.is_some() && s.contains(&bone));
         let Some(synonyms) = synonyms else {
             return (Self { plain, usual: (at, joined.clone()), is_part: false, middle }, joined);
         };
         let usual = (at, synonyms[0].to_owned());
-        (Self { plain, usual, is_part: bone != joined, middle }, bone.to_owned())
+        (Self { plain, usual, is_part: numbered != joined, middle }, bone.to_owned())
     }
 }
 

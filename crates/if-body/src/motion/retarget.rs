@@ -18,6 +18,12 @@ pub(super) struct Retargeted {
     pub(super) poses: Vec<(Vector, Vec<Turn>)>,
     /// Joints of the skeleton that the motion does not have.
     pub(super) unmatched: Vec<String>,
+    /// Joints of the file that no joint of the skeleton follows, the nearest to its hips first.
+    pub(super) left_over: Vec<String>,
+    /// Large bones of limbs that the file lacks while it has others of the limb, in words.
+    pub(super) still: Vec<String>,
+    /// From the origin to where the first frame has the hips on the floor of the file, at the size of the skeleton.
+    pub(super) start: Vector,
     /// The frame that stands for the rest pose of the file.
     pub(super) rest_frame: Option<usize>,
 }
@@ -97,7 +103,24 @@ pub(super) fn retarget(mut bvh: Bvh, skeleton: &Skeleton) -> Result<Retargeted, 
     let above = above(|j| joints[j].parent, hips);
     let missing = (0..joints.len()).filter(|j| of[*j].is_none() && !above.contains(j));
     let unmatched = missing.map(|j| joints[j].name.clone()).collect();
-    Ok(Retargeted { poses: poses.collect(), unmatched, rest_frame: frame })
+    let poses = poses.collect();
+    let left_over = left_over(&bvh, of, hips_of_file);
+    let (start, still) = (start * scale, matches.still);
+    Ok(Retargeted { poses, unmatched, left_over, still, start, rest_frame: frame })
+}
+
+/// Joints with channels below the hips of the file that no joint of the skeleton follows, the nearest to the hips
+/// first: fingers come last.
+fn left_over(bvh: &Bvh, of: &[Option<usize>], hips: usize) -> Vec<String> {
+    let parent = |k: usize| bvh.joints[k].parent;
+    let mut is_free = below(parent, bvh.joints.len(), |k| k == hips);
+    of.iter().flatten().for_each(|k| is_free[*k] = false);
+    let mut depth: Vec<usize> = Vec::with_capacity(bvh.joints.len());
+    (0..bvh.joints.len()).for_each(|k| depth.push(parent(k).map_or(0, |p| depth[p] + 1)));
+    let is_left = |k: &usize| is_free[*k] && bvh.joints[*k].has_channels();
+    let mut free: Vec<usize> = (0..bvh.joints.len()).filter(is_left).collect();
+    free.sort_by_key(|k| depth[*k]);
+    free.into_iter().map(|k| bvh.joints[k].name.clone()).collect()
 }
 
 /// The height of the floor of these joints, whose hips are at `hips`. Without a bone below their lowest one, soles

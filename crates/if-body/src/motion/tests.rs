@@ -378,6 +378,95 @@ fn joints_are_named_by_several_conventions() {
     }
 }
 
+const POSER: [&str; 10] = [
+    "hip", "lThigh", "lShin", "lFoot", "lToe", "abdomen", "lCollar", "lShldr", "lForeArm", "lHand",
+];
+
+/// Poser's joints, as Daz Studio calls them: a bone is two joints, one that bends and one below it that twists.
+fn daz() -> Vec<Joint> {
+    let mut joints = half(POSER);
+    for (bone, bend, twist) in [
+        (8, "lForearmBend", "lForearmTwist"),
+        (7, "lShldrBend", "lShldrTwist"),
+        (1, "lThighBend", "lThighTwist"),
+    ] {
+        let head = nalgebra::center(&joints[bone].head, &joints[bone + 1].head);
+        let below = Joint { name: twist.into(), parent: Some(bone), head, ..joints[bone].clone() };
+        joints[bone].name = bend.into();
+        joints.insert(bone + 1, below);
+        for joint in &mut joints[bone + 2..] {
+            joint.parent = joint.parent.map(|p| if p < bone { p } else { p + 1 });
+        }
+    }
+    joints
+}
+
+#[test]
+fn limbs_of_poser_and_daz_studio_are_known_by_their_names() {
+    for skeleton in [half(CMU), half(SMPL)] {
+        let skeleton = Skeleton::new(skeleton).unwrap();
+        let spine = skeleton.joints()[5].name.clone();
+        for file in [half(POSER), daz()] {
+            let file = Skeleton::new(file).unwrap();
+            let mut raised = Pose::rest(file.len());
+            let arm = file.names().position(|name| name.starts_with("lShldr")).unwrap();
+            let leg = file.names().position(|name| name.starts_with("lThigh")).unwrap();
+            raised.rotations[arm] = UnitQuaternion::from_euler_angles(0.0, 0.0, 1.0);
+            raised.rotations[leg] = UnitQuaternion::from_euler_angles(-0.5, 0.0, 0.0);
+            let motion = Motion::read(written(&file, &[raised], 1.0).as_bytes(), &skeleton);
+            let motion = motion.unwrap();
+            assert_eq!(motion.unmatched, [spine.as_str()]);
+            assert_eq!(motion.still, [""; 0]);
+            assert_eq!(motion.left_over[0], "abdomen");
+            for (j, turn) in motion.poses[0].rotations.iter().enumerate() {
+                let expected = [0.0, 0.5, 1.0][usize::from(j == 1) + 2 * usize::from(j == 7)];
+                assert!((turn.angle() - expected).abs() < 1e-6, "{j}: {}", turn.angle());
+            }
+        }
+    }
+}
+
+#[test]
+fn bones_of_limbs_that_do_not_move_are_named_with_what_the_file_has_instead() {
+    let skeleton = Skeleton::new(half(CMU)).unwrap();
+    let of = |renamed: &[(usize, &str)]| {
+        let mut joints = half(POSER);
+        renamed.iter().for_each(|(j, name)| joints[*j].name = (*name).into());
+        let file = Skeleton::new(joints).unwrap();
+        Motion::read(written(&file, &[Pose::rest(10)], 1.0).as_bytes(), &skeleton).unwrap()
+    };
+    let motion = of(&[(7, "lOber"), (1, "lOben")]);
+    assert_eq!(motion.still, ["left thigh", "left upper arm"]);
+    assert_eq!(motion.left_over, ["lOben", "abdomen", "lOber"]);
+    assert_eq!(motion.every(1), motion);
+    // Where the file has nothing of a limb, it has no other names for it.
+    let skeleton = crate::mannequin::rig::skeleton();
+    let is_arm = |name: &str| ["arm", "hand", "shoulder"].iter().any(|bone| name.ends_with(bone));
+    let lacking = |(k, joint): (usize, &Joint)| match joint.name.starts_with("left_") {
+        true if is_arm(&joint.name) => Joint { name: format!("x{k}"), ..joint.clone() },
+        _ => joint.clone(),
+    };
+    let file = skeleton.joints().iter().enumerate().map(lacking).collect();
+    let text = written(&Skeleton::new(file).unwrap(), &[Pose::rest(skeleton.len())], 1.0);
+    let motion = Motion::read(text.as_bytes(), &skeleton).unwrap();
+    assert!(motion.unmatched.len() > 1 && motion.still.is_empty(), "{:?}", motion.still);
+}
+
+#[test]
+fn where_a_file_begins_is_known_at_the_size_of_the_skeleton() {
+    let skeleton = crate::mannequin::rig::skeleton();
+    let mut pose = Pose::rest(skeleton.len());
+    pose.root_translation = Vector::new(2.0, 0.0, -1.0);
+    let text = written(&skeleton, &[pose.clone()], 100.0);
+    let motion = Motion::read(text.as_bytes(), &skeleton).unwrap();
+    let [x, z] = motion.moved_to_origin.unwrap();
+    let hips = skeleton.joints()[0].head;
+    assert!((x - 2.0 - hips.x).abs() < 1e-6 && (z + 1.0 - hips.z).abs() < 1e-6, "{x} {z}");
+    assert!(motion.poses[0].root_translation.norm() < 1e-6 + hips.x.hypot(hips.z));
+    assert_eq!(motion.every(1).moved_to_origin, Some([x, z]));
+    assert_eq!(Motion::new(24.0, vec![pose]).unwrap().moved_to_origin, None);
+}
+
 #[test]
 fn a_prefix_that_most_names_have_is_no_part_of_them() {
     let skeleton = Skeleton::new(half(SMPL)).unwrap();

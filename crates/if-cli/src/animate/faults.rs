@@ -112,7 +112,9 @@ pub(super) enum AnimateFault {
     #[error("outfit `{outfit}` is not clean at rest: {unresolved}")]
     #[diagnostic(
         code(ifg::unresolved),
-        help("resolve it with `ifg fix` first, with other parameters or without a layer")
+        help(
+            "give other parameters with --set, or leave a layer out; `ifg check` counts where the body meets itself, as it does where the bind pose of its skin is wrong"
+        )
     )]
     NotClean { outfit: String, unresolved: Box<Unresolved> },
     #[error("the outfit cannot be animated")]

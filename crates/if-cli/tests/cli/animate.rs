@@ -99,6 +99,14 @@ fn a_knee_is_lifted_in_clean_frames_that_point_caches_hold() {
 }
 
 #[test]
+fn the_depth_of_a_body_is_above_zero() {
+    for (depth, expected) in [("0", "above zero is needed"), ("-1cm", "cannot be negative")] {
+        let run = scene().ifg(&format!("{ANIMATE} --out moved --body-depth {depth}")).expect(2);
+        assert!(run.stderr.contains(expected), "{}", run.stderr);
+    }
+}
+
+#[test]
 fn what_passes_through_what_between_frames_is_named() {
     let folder = scene();
     let run = folder.ifg(&format!("{ANIMATE} --out slow --strict --continuous --no-pictures"));

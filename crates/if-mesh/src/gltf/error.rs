@@ -43,7 +43,9 @@ pub enum ReadError {
     #[error("buffer {buffer}: cannot read `{}`: {source}", path.display())]
     Beside { buffer: usize, path: PathBuf, source: io::Error },
     /// Compressed meshes, and instances without nodes.
-    #[error("{extension} is not supported; export without mesh compression and GPU instancing")]
+    #[error(
+        "the file needs it for this layer or another: {extension} is not supported; export without mesh compression and GPU instancing"
+    )]
     Extension { extension: String },
     /// An accessor of another kind than its use needs.
     #[error("accessor {accessor} holds {found}; {what} must be {expected}")]

@@ -39,6 +39,8 @@ pub(super) struct Part {
     pub(super) texture: Option<Elements>,
     pub(super) placings: Placings,
     pub(super) skinned: Option<Skinned>,
+    /// Without a skin the nearest of the mesh's joints above its node, or at it.
+    pub(super) hangs_from: Option<usize>,
 }
 
 /// The placing of each vertex of a part.
@@ -105,18 +107,27 @@ impl GltfMesh {
         &self.collapsed
     }
 
-    /// The skin's joints and weights; `None` if there are vertices without.
-    pub fn influences(&self) -> Option<Influences> {
+    /// The skin's joints and weights; `None` if there are vertices without. What has no skin follows the
+    /// nearest joint above its node that `is_joint` by its name, as a watch follows the forearm.
+    pub fn influences(&self, is_joint: impl Fn(&str) -> bool) -> Option<Influences> {
         let mut joints: Vec<String> = Vec::new();
         let mut of_vertex = Vec::with_capacity(self.mesh.vertices().len());
         for part in &self.parts {
-            let skinned = part.skinned.as_ref()?;
             let mut place = |name: &String| {
                 let found = joints.iter().position(|joint| joint == name);
                 found.unwrap_or_else(|| {
                     joints.push(name.clone());
                     joints.len() - 1
                 })
+            };
+            let Some(skinned) = &part.skinned else {
+                let above = |joint: &usize| self.joints[*joint].parent;
+                let joint = std::iter::successors(part.hangs_from, above)
+                    .map(|joint| &self.joints[joint].name)
+                    .find(|name| is_joint(name))?;
+                let joint = place(joint);
+                of_vertex.extend(std::iter::repeat_n(vec![(joint, 1.0)], part.positions.count));
+                continue;
             };
             let places: Vec<usize> = skinned.joints.iter().map(&mut place).collect();
             let of =

@@ -110,10 +110,16 @@ pub(super) fn read_with(
     let mut is_chosen = vec![false; document.nodes.len()];
     chosen.iter().for_each(|&node| is_chosen[node] = true);
     let shared = reader.shared(placed.shown.iter().copied().filter(|&node| !is_chosen[node]));
-    let Reader { data, parts, .. } = reader;
+    let (joints, nearest) = placed.joints(&document, chosen);
+    let Reader { data, mut parts, of } = reader;
+    for &(node, part) in
+        of.values().flatten().filter(|(node, _)| document.nodes[*node].skin.is_none())
+    {
+        parts[part].hangs_from = nearest[node];
+    }
     let mesh = TriMesh::new(vertices, triangles)?;
     let (source, node) = (data.source, node.map(str::to_owned));
-    let (images, joints) = (images(&document), placed.joints(&document, chosen));
+    let images = images(&document);
     Ok(GltfMesh { source, node, mesh, parts, collapsed, shared, images, joints })
 }
 
@@ -214,7 +220,17 @@ impl Reader<'_> {
             vertices.push(p);
         }
         let part = self.parts.len();
-        self.parts.push(Part { first, positions, normals, tangents, texture, placings, skinned });
+        let hangs_from = None;
+        self.parts.push(Part {
+            first,
+            positions,
+            normals,
+            tangents,
+            texture,
+            placings,
+            skinned,
+            hangs_from,
+        });
         self.of.entry(accessor).or_default().push((node, part));
         Ok(part)
     }

@@ -64,7 +64,13 @@ impl Placed {
     /// The joints of all skins: in the order of their list, if all have the same one and parents come first in
     /// it; else as the scene lists them, parents first.
     /// Of [copies](Joints) only what is below them is added, to the joints that are copied.
-    pub(super) fn joints(&self, document: &Document, chosen: &[usize]) -> Vec<SkinJoint> {
+    ///
+    /// Of each node of the document the nearest joint above it, or itself, as well.
+    pub(super) fn joints(
+        &self,
+        document: &Document,
+        chosen: &[usize],
+    ) -> (Vec<SkinJoint>, Vec<Option<usize>>) {
         let Joints { is_joint, same_as } = Joints::of_skins(document, chosen);
         let mut place = vec![None; document.nodes.len()];
         let (mut joints, mut nodes) = (Vec::new(), Vec::new());
@@ -92,29 +98,30 @@ impl Placed {
             skin.joints.iter().any(|node| is_joint.get(*node).is_none_or(|is_joint| *is_joint))
         };
         let mut skins = document.skins.iter().filter(has_own);
-        let Some(first) = skins.next() else { return joints };
+        let Some(first) = skins.next() else { return (joints, place) };
         if skins.any(|skin| skin.joints != first.joints) {
-            return joints;
+            return (joints, place);
         }
         let mut in_list = vec![None; document.nodes.len()];
         for (k, &node) in first.joints.iter().enumerate() {
             in_list.get_mut(node).into_iter().for_each(|at| *at = Some(k));
         }
         let listed: Option<Vec<usize>> = nodes.iter().map(|node| in_list[*node]).collect();
-        let Some(listed) = listed else { return joints };
+        let Some(listed) = listed else { return (joints, place) };
         let is_one_each = joints.len() == first.joints.len();
         let comes_after = |(k, joint): (usize, &SkinJoint)| {
             joint.parent.is_none_or(|parent| listed[parent] < listed[k])
         };
         if !is_one_each || !joints.iter().enumerate().all(comes_after) {
-            return joints;
+            return (joints, place);
         }
+        place.iter_mut().for_each(|at| *at = at.map(|joint| listed[joint]));
         joints
             .iter_mut()
             .for_each(|joint| joint.parent = joint.parent.map(|parent| listed[parent]));
         let mut ordered: Vec<(usize, SkinJoint)> = listed.into_iter().zip(joints).collect();
         ordered.sort_unstable_by_key(|(k, _)| *k);
-        ordered.into_iter().map(|(_, joint)| joint).collect()
+        (ordered.into_iter().map(|(_, joint)| joint).collect(), place)
     }
 
     /// The nodes of the layer `name`, parents first: the node of this name if it has a mesh, else

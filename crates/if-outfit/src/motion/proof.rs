@@ -28,6 +28,8 @@ use rayon::prelude::*;
 /// Distance up to which a vertex has a side of a layer below, in metres: as the project's referee.
 /// Farther away the nearest surface may be that of another limb.
 const REACH: Real = 0.06;
+/// Pairs and vertices that a proof names.
+const NAMED: usize = 8;
 
 /// What exact verification finds in one state.
 #[derive(Clone, Debug, PartialEq, Eq, Default)]
@@ -50,6 +52,35 @@ pub struct Proof {
     /// What lies in the pinches of a body that is kept ([`Walker::keep`](super::Walker::keep)), in
     /// no other field; `None` if the body yields.
     pub pinched: Option<Pinched>,
+    /// Up to eight of the [pairs](Self::pairs), and then of the [new own pairs](Self::new_own_pairs): layers
+    /// and their triangles.
+    pub first_pairs: Vec<[(usize, u32); 2]>,
+    /// Up to eight of the vertices on a [wrong side](Self::inside).
+    pub first_inside: Vec<VertexInside>,
+}
+
+/// A vertex on the wrong side of a layer below.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
+pub struct VertexInside {
+    /// The layer below.
+    pub below: usize,
+    /// The layer of the vertex.
+    pub layer: usize,
+    /// The vertex there.
+    pub vertex: u32,
+}
+
+impl Proof {
+    /// Counts the vertex `v` of all layers as one on the wrong side of a layer below.
+    fn add_inside(&mut self, scene: &Scene, below: usize, v: usize) {
+        self.inside += 1;
+        if self.first_inside.len() < NAMED {
+            let layer = scene.layer_of(v as u32);
+            let vertex = (v - scene.starts[layer]) as u32;
+            self.first_inside.push(VertexInside { below, layer, vertex });
+        }
+    }
 }
 
 /// What meets a body in its pinches.
@@ -84,18 +115,24 @@ pub(super) fn prove(scene: &Scene, positions: &[Point], tolerated: &Tolerated) -
     });
     // Whether a layer meets one above it.
     let mut meet = vec![vec![false; layers.len()]; layers.len()];
+    let mut new_own: Vec<[(usize, u32); 2]> = Vec::new();
     for (k, (mesh, tree)) in layers.iter().enumerate() {
         let first = scene.triangle_starts[k] as u32;
         let own: Vec<[u32; 2]> =
             own_pairs(mesh, tree).iter().map(|p| [p.a + first, p.b + first]).collect();
         proof.own_pairs.push(own.len());
         if k > 0 {
-            proof.new_own_pairs += tolerated.left(&own).len();
+            let new = tolerated.left(&own);
+            proof.new_own_pairs += new.len();
+            new_own.extend(new.iter().take(NAMED).map(|pair| pair.map(|t| (k, t - first))));
         }
         for (j, (_, below)) in layers[..k].iter().enumerate() {
             let found = pairs(below, tree);
             meet[j][k] = !found.is_empty();
             proof.pairs += found.len();
+            let counted = found.iter().filter(|p| j > 0 || !tolerated.is_pinched(p.a));
+            let more = NAMED - proof.first_pairs.len();
+            proof.first_pairs.extend(counted.take(more).map(|p| [(j, p.a), (k, p.b)]));
             if let (0, Some(pinched)) = (j, &mut proof.pinched) {
                 let there = found.iter().filter(|p| tolerated.is_pinched(p.a));
                 pinched.pairs[k - 1].extend(there.map(|p| [p.a, p.b]));
@@ -103,6 +140,8 @@ pub(super) fn prove(scene: &Scene, positions: &[Point], tolerated: &Tolerated) -
             }
         }
     }
+    proof.first_pairs.extend(new_own);
+    proof.first_pairs.truncate(NAMED);
     let mut body = None;
     for (below, (mesh, tree)) in layers.iter().enumerate().take(scene.layers() - 1) {
         let sides = scene.sides[below].as_ref();
@@ -134,18 +173,19 @@ pub(super) fn prove(scene: &Scene, positions: &[Point], tolerated: &Tolerated) -
         }
         if let (0, Some(pinched)) = (below, &mut proof.pinched) {
             // Where the body passes itself, the nearest skin is that of a pinch.
+            let mut inside = Vec::new();
             for v in found {
                 let nearest = field.surface().closest(&positions[v], REACH);
                 let triangle = nearest.map(|c| sides.map_or(c.triangle, |s| s.given(c.triangle)));
                 if triangle.is_some_and(|t| tolerated.is_pinched(t)) {
                     pinched.inside[scene.layer_of(v as u32) - 1] += 1;
                 } else {
-                    proof.inside += 1;
+                    inside.push(v);
                 }
             }
-            continue;
+            found = inside;
         }
-        proof.inside += found.len();
+        found.into_iter().for_each(|v| proof.add_inside(scene, below, v));
     }
     proof
 }

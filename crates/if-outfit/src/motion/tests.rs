@@ -49,6 +49,7 @@ fn an_arm_that_bends_into_itself_yields_and_its_sleeve_with_it() {
     let target = bent(&rest, BENT);
     let before = walker.prove(&target).unwrap();
     assert!(before.own_pairs[0] > 10 && before.new_own_pairs > 20, "{before:?}");
+    assert_eq!(before.first_pairs.len(), 8);
     let walked = walker.walk(24, &|t| bent(&rest, t * BENT), &mut Silent).unwrap();
     assert_eq!((walked.reached, walked.unresolved.len()), (1.0, 0));
     let after = walker.prove(walker.positions()).unwrap();
@@ -277,6 +278,11 @@ fn what_lies_over_a_folded_collar_is_not_inside() {
     let pressed: Vec<Point> = rest[..n].iter().copied().chain(inner).collect();
     let proof = walker.prove(&pressed).unwrap();
     assert!(proof.pairs == 0 && proof.inside > 500, "{proof:?}");
+    // Some are named, by their numbers in the layer.
+    assert_eq!((proof.first_pairs.len(), proof.first_inside.len()), (0, 8));
+    let coat = outfit.garments[1].mesh.vertices().len();
+    let is_of_coat = |v: &VertexInside| v.layer == 2 && v.below < 2 && (v.vertex as usize) < coat;
+    assert!(proof.first_inside.iter().all(is_of_coat), "{proof:?}");
     assert_eq!(judged(&walker, &outfit, &rest), (0, 0));
     let (pairs, inside) = judged(&walker, &outfit, &pressed);
     assert!(pairs == 0 && inside > 500, "{inside}");

@@ -68,6 +68,8 @@ impl<'a> Finisher<'a> {
             own_pairs: found.own_pairs,
             body_own_pairs: found.body_own_pairs,
             new_own_pairs: found.new_own_pairs,
+            first_pairs: found.first_pairs,
+            first_inside: found.first_inside,
             smoothed: is_smoothed,
             pinch: found.pinch,
             ..row

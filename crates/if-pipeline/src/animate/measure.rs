@@ -2,12 +2,12 @@
 
 use super::error::AnimateError;
 use super::movement::Movement;
-use super::report::{FrameReport, Spread, Yielding};
+use super::report::{FrameReport, NamedPair, NamedVertex, Spread, Yielding};
 use if_core::math::{Point, Real};
 use if_core::monitor::Silent;
 use if_mesh::measure::strain;
 use if_outfit::Layer;
-use if_outfit::motion::{Pinched, Proof, Walker};
+use if_outfit::motion::{Pinched, Proof, VertexInside, Walker};
 use if_outfit::pinch::extent;
 use if_outfit::report::{Extent, PinchReport};
 
@@ -30,7 +30,7 @@ impl<'a> Measurer<'a> {
         walker: &Walker,
         positions: &[Point],
     ) -> Result<FrameReport, AnimateError> {
-        Ok(self.row(walker.prove(positions)?))
+        Ok(self.row(walker, positions, walker.prove(positions)?))
     }
 
     /// The frame over a body that is displaced by at most `depth` metres, and its row; `None` if it
@@ -52,10 +52,22 @@ impl<'a> Measurer<'a> {
         let capped = skinned.iter().zip(moves).map(|(p, u)| p + u.cap_magnitude(depth));
         let reference: Vec<Point> = capped.collect();
         let (kept, found) = walker.keep(positions, &reference, &mut Silent)?;
-        Ok(Some((kept, self.row(found))))
+        let row = self.row(walker, &kept, found);
+        Ok(Some((kept, row)))
     }
 
-    fn row(&self, found: Proof) -> FrameReport {
+    fn row(&self, walker: &Walker, positions: &[Point], found: Proof) -> FrameReport {
+        let names: Vec<&str> = self.movement.outfit().layers().map(|l| l.name.as_str()).collect();
+        let pair = |pair: &[(usize, u32); 2]| NamedPair {
+            layers: pair.map(|(layer, _)| names[layer].to_owned()),
+            triangles: pair.map(|(_, triangle)| triangle),
+        };
+        let vertex = |v: &VertexInside| NamedVertex {
+            layer: names[v.layer].to_owned(),
+            below: names[v.below].to_owned(),
+            vertex: v.vertex,
+            place: walker.layer(positions, v.layer)[v.vertex as usize].into(),
+        };
         let (body_own, own) = found.own_pairs.split_first().map_or((0, &[][..]), |(b, o)| (*b, o));
         FrameReport {
             pairs: found.pairs,
@@ -63,6 +75,8 @@ impl<'a> Measurer<'a> {
             own_pairs: own.iter().sum(),
             body_own_pairs: body_own,
             new_own_pairs: found.new_own_pairs,
+            first_pairs: found.first_pairs.iter().map(pair).collect(),
+            first_inside: found.first_inside.iter().map(vertex).collect(),
             pinch: found.pinched.map(|pinched| self.pinch(&pinched)),
             ..FrameReport::default()
         }

@@ -1,7 +1,7 @@
 //! Outfits with skinning weights.
 
 use if_body::skinning::{blends, pose_points, transferred_weights};
-use if_body::{Pose, PoseError, Skeleton, SkinError, SkinWeights};
+use if_body::{LeftOut, Pose, PoseError, Skeleton, SkinError, SkinWeights};
 use if_core::math::{Point, Real, Vector};
 use if_mesh::file::MeshFile;
 use if_mesh::measure::percentile;
@@ -18,6 +18,8 @@ pub struct SkinnedOutfit {
     skin: SkinWeights,
     /// Names of garments whose weights were taken from the body.
     pub without_weights: Vec<String>,
+    /// Layers of whose weights some are left out, and how many.
+    pub left_out: Vec<(String, LeftOut)>,
 }
 
 /// The skinning weights of a layer are missing or invalid.
@@ -56,7 +58,7 @@ impl SkinnedOutfit {
         let layers: Vec<_> = outfit.layers().collect();
         assert_eq!(layers.len(), skins.len(), "one entry for each layer");
         let (mut joints, mut weights) = (Vec::new(), Vec::new());
-        let mut without_weights = Vec::new();
+        let (mut without_weights, mut left_out) = (Vec::new(), Vec::new());
         let count = skeleton.len();
         let mut body: Option<SkinWeights> = None;
         for (layer, skin) in layers.iter().zip(skins) {
@@ -71,13 +73,14 @@ impl SkinnedOutfit {
                 }
             };
             skin.check(points.len(), count).map_err(fault)?;
+            left_out.extend(skin.left_out().map(|of| (layer.name.clone(), of)));
             joints.extend_from_slice(skin.joints());
             weights.extend_from_slice(skin.weights());
             body.get_or_insert(skin);
         }
         let fault = |source| SkinFault { layer: layers[0].name.clone(), source };
         let skin = SkinWeights::new(joints, weights, count).map_err(fault)?;
-        Ok(Self { outfit, skeleton, skin, without_weights })
+        Ok(Self { outfit, skeleton, skin, without_weights, left_out })
     }
 
     /// The same with weights from the files of the layers, the body's first, where they have some

@@ -40,6 +40,30 @@ pub struct Yielding {
     pub reach: Option<Real>,
 }
 
+/// A vertex on the wrong side of a layer below.
+#[derive(Clone, Debug, PartialEq, Default, Serialize, Deserialize)]
+#[non_exhaustive]
+pub struct NamedVertex {
+    /// The layer of the vertex.
+    pub layer: String,
+    /// The layer below.
+    pub below: String,
+    /// The vertex, in the order of the layer's file.
+    pub vertex: u32,
+    /// Where it is in the frame.
+    pub place: [Real; 3],
+}
+
+/// Two triangles that intersect.
+#[derive(Clone, Debug, PartialEq, Default, Serialize, Deserialize)]
+#[non_exhaustive]
+pub struct NamedPair {
+    /// The layers of both; the same one twice where it intersects itself.
+    pub layers: [String; 2],
+    /// The triangles there.
+    pub triangles: [u32; 2],
+}
+
 /// One frame.
 #[derive(Clone, Debug, PartialEq, Default, Serialize, Deserialize)]
 #[non_exhaustive]
@@ -64,6 +88,13 @@ pub struct FrameReport {
     pub body_own_pairs: usize,
     /// Own pairs of garments that the rest pose does not have.
     pub new_own_pairs: usize,
+    /// Some of what makes the frame unclean: intersecting triangle pairs of layers, then own pairs that the
+    /// rest pose does not have.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub first_pairs: Vec<NamedPair>,
+    /// Some of the vertices on a wrong side.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub first_inside: Vec<NamedVertex>,
     /// Triangles of the body that may meet one another, such as those of fingers in a fist: no way to the
     /// pose was clean otherwise.
     #[serde(default)]

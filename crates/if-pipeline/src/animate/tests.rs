@@ -5,7 +5,7 @@ use if_core::math::{Point, Vector};
 use if_core::mesh::TriMesh;
 use if_core::monitor::{Cancelled, Progress, Silent};
 use if_core::nalgebra::UnitQuaternion;
-use if_outfit::motion::WalkParams;
+use if_outfit::motion::{WalkParams, Walker};
 use if_outfit::{Layer, Outfit, Pinch};
 
 /// The mannequin in trousers; weights of the body alone.
@@ -232,6 +232,28 @@ fn invalid_outfits_and_motions_are_typed_errors() {
     let movement = Movement::poses(&good, &motion);
     let error = Animator::new(movement, AnimateParams { turn: f64::NAN, ..params });
     assert!(matches!(error, Err(AnimateError::Parameter(_))));
+}
+
+#[test]
+fn what_makes_a_frame_unclean_is_named_with_its_place() {
+    let (outfit, motion) = (outfit(), motion(1));
+    let walker = Walker::new(&outfit.outfit, WalkParams::default()).unwrap();
+    let mut positions = outfit.positions();
+    let body = outfit.outfit.body.mesh.vertices().len();
+    for p in &mut positions[body..] {
+        (p.x, p.z) = (0.6 * p.x, 0.6 * p.z);
+    }
+    let measurer = measure::Measurer::new(Movement::poses(&outfit, &motion));
+    let row = measurer.verify(&walker, &positions).unwrap();
+    assert!(row.pairs > 8 && row.inside > 8, "{row:?}");
+    assert_eq!((row.first_pairs.len(), row.first_inside.len()), (8, 8));
+    assert!(row.first_pairs.iter().all(|pair| pair.layers == ["body", "trousers"]));
+    for found in &row.first_inside {
+        assert_eq!((&found.layer[..], &found.below[..]), ("trousers", "body"));
+        assert_eq!(Point::from(found.place), positions[body + found.vertex as usize]);
+    }
+    let clean = measurer.verify(&walker, &outfit.positions()).unwrap();
+    assert!(clean.first_pairs.is_empty() && clean.first_inside.is_empty());
 }
 
 #[test]

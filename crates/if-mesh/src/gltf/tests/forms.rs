@@ -257,11 +257,45 @@ fn joints_are_named_with_their_weights() {
     let weights = builder.floats("VEC4", 4, &weights);
     let joint = [builder.node(json!({"name": "hip"})), builder.node(json!({"name": "knee"}))];
     builder.document["skins"] = json!([{"joints": joint}]);
-    assert_eq!(builder.read().unwrap().influences(), None);
+    assert_eq!(builder.read().unwrap().influences(|_| true), None);
     let attributes = &mut builder.document["meshes"][0]["primitives"][0]["attributes"];
     (attributes["JOINTS_0"], attributes["WEIGHTS_0"]) = (json!(joints), json!(weights));
-    let found = builder.read().unwrap().influences().unwrap();
+    let found = builder.read().unwrap().influences(|_| true).unwrap();
     assert_eq!(found.joints, ["hip", "knee"]);
     assert_eq!(found.of_vertex[0], [(1, 1.0)]);
     assert_eq!(found.of_vertex[3], [(1, 0.25), (0, 0.75)]);
+}
+
+#[test]
+fn what_hangs_from_a_joint_without_a_skin_follows_it() {
+    let mut builder = Builder::new();
+    builder.square(0.0, json!({"name": "body", "skin": 0}));
+    let joints = builder.accessor("VEC4", 5121, 4, &[[1, 0, 0, 0]; 4].concat());
+    let weights = builder.floats("VEC4", 4, &[1.0, 0.0, 0.0, 0.0].repeat(4));
+    let attributes = &mut builder.document["meshes"][0]["primitives"][0]["attributes"];
+    (attributes["JOINTS_0"], attributes["WEIGHTS_0"]) = (json!(joints), json!(weights));
+    // Below the hand a bone that is no joint, and a watch below that; a hat beside the joints.
+    let watch = builder.square(1.0, json!({"name": "watch"}));
+    builder.square(2.0, json!({"name": "hat"}));
+    let strap = builder.node(json!({"name": "strap", "children": [watch]}));
+    let hand = builder.node(json!({"name": "hand", "translation": [0, 5, 0], "children": [strap]}));
+    let arm = builder.node(json!({"name": "arm", "translation": [3, 0, 0], "children": [hand]}));
+    builder.document["scenes"][0]["nodes"] = json!([0, 2, arm]);
+    builder.document["skins"] = json!([{"joints": [hand, arm]}]);
+    let of = |node, is_joint: fn(&str) -> bool| {
+        read_layer(builder.bytes(), Some(node), None).unwrap().influences(is_joint)
+    };
+    let found = of("watch", |_| true).unwrap();
+    assert_eq!(
+        (&found.joints[..], found.of_vertex),
+        (&["hand".into()][..], vec![vec![(0, 1.0)]; 4])
+    );
+    // Where a skeleton lacks the hand, the arm.
+    assert_eq!(of("watch", |name| name == "arm").unwrap().joints, ["arm"]);
+    assert_eq!(of("watch", |_| false), None);
+    assert_eq!(of("hat", |_| true), None);
+    assert_eq!(of("body", |_| true).unwrap().of_vertex, vec![vec![(1, 1.0)]; 4]);
+    // It is where the joint has it at rest.
+    let watch = read_layer(builder.bytes(), Some("watch"), None).unwrap();
+    assert_eq!(watch.mesh().vertices()[0], Point::new(3.0, 5.0, 1.0));
 }

@@ -133,7 +133,7 @@ fn what_is_not_read_is_named_with_what_to_export() {
     let cases: [(Damage, &str); 7] = [
         (
             |d| d["extensionsRequired"] = json!(["KHR_draco_mesh_compression"]),
-            "KHR_draco_mesh_compression is not supported; export without",
+            "the file needs it for this layer or another: KHR_draco_mesh_compression is not supported; export without",
         ),
         (
             |d| {
