@@ -72,7 +72,7 @@ pub(crate) struct ExtractArgs {
     pub(crate) layer: usize,
     /// Factor from the units of a mesh to metres; the output keeps its units. Networks are in
     /// metres.
-    #[arg(long, value_name = "FACTOR", value_parser = positive)]
+    #[arg(long, value_name = "FACTOR", value_parser = positive, allow_hyphen_values = true)]
     pub(crate) scale: Option<f64>,
     /// Print the report as JSON on stdout, and no tables.
     #[arg(long)]

@@ -56,7 +56,7 @@ pub(crate) struct FitArgs {
     #[arg(long)]
     pub(crate) points: bool,
     /// Factor from the units of the file to metres; the network is in metres.
-    #[arg(long, value_name = "FACTOR", value_parser = positive)]
+    #[arg(long, value_name = "FACTOR", value_parser = positive, allow_hyphen_values = true)]
     pub(crate) scale: Option<f64>,
     /// Seed of sampling and first values.
     #[arg(long, default_value_t = 1)]
@@ -135,7 +135,7 @@ fn target_advice(error: &MeshTargetError) -> &'static str {
         MeshTargetError::Sides(_) => {
             "turn the triangles round in a mesh editor; --points would need their normals too"
         }
-        MeshTargetError::Field(_) => "give a mesh with triangles",
+        MeshTargetError::Field(_) | MeshTargetError::NoTriangles => "give a mesh with triangles",
         _ => "give a mesh whose triangles are counter-clockwise seen from outside",
     }
 }
@@ -383,16 +383,22 @@ fn say(
             MeshTarget::Field(_) => {
                 ("its field", "points beside the surface and on it that no step saw")
             }
-            MeshTarget::Points(_) => {
-                ("its vertices as points", "vertices that no step saw, with their noise")
-            }
+            MeshTarget::Points(_) => (
+                "its vertices as points",
+                "points beside vertices that no step saw, with their noise",
+            ),
         };
         let mut text = format!("{}: fitted to {what}\n\n", args.mesh.display());
         text += &errors_of(report);
         text += &format!("\nErrors are at {} {judge}.\n", report.error.points);
         text += &note_lines(&notes);
         let (ended, steps) = (ended(report.ended), report.steps);
-        text += &format!("{steps} steps, {ended}, {seconds:.1} s\nWrote {out}\n");
+        let kept = match report.kept {
+            kept if kept == steps => String::new(),
+            0 => ", none of them kept: the first values are better".to_owned(),
+            kept => format!(", those after step {kept} are not kept"),
+        };
+        text += &format!("{steps} steps, {ended}{kept}, {seconds:.1} s\nWrote {out}\n");
         print(&text)?;
     }
     let (end, note) = judged(params, report);

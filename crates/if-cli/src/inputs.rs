@@ -17,7 +17,7 @@ pub(crate) struct InputArgs {
     pub(crate) body: Option<PathBuf>,
     /// Factor from the units of the files to metres, such as 0.001 for millimetres; output files
     /// keep the units of the input.
-    #[arg(long, value_name = "FACTOR", value_parser = positive)]
+    #[arg(long, value_name = "FACTOR", value_parser = positive, allow_hyphen_values = true)]
     pub(crate) scale: Option<f64>,
     /// Exit with 0 only if the outfit is clean everywhere: body and garments must not intersect
     /// themselves either.

@@ -45,6 +45,11 @@ pub enum MeshTargetError {
         "the mesh has no outside; turn its triangles so that all are counter-clockwise seen from outside"
     )]
     Sides(#[source] SdfError),
+    /// A point cloud, or an empty file.
+    #[error(
+        "the mesh has no triangles, and normals come from them: those in the file are not read; make a surface of its points first"
+    )]
+    NoTriangles,
     /// The vertices cannot be fitted.
     #[error("the vertices of the mesh cannot be fitted")]
     Points(#[from] TargetError),
@@ -58,6 +63,9 @@ impl MeshTarget {
     ///
     /// [`MeshTargetError`], with advice.
     pub fn new(mesh: &TriMesh, take: Take) -> Result<Self, MeshTargetError> {
+        if mesh.triangles().is_empty() {
+            return Err(MeshTargetError::NoTriangles);
+        }
         if take != Take::Points {
             match MeshSdf::sewn(mesh) {
                 Ok(field) => return Ok(Self::Field(field)),
@@ -68,7 +76,7 @@ impl MeshTarget {
                 ) => {
                     return Err(MeshTargetError::Sides(e));
                 }
-                Err(e) if take == Take::Field || e == SdfError::Empty => {
+                Err(e) if take == Take::Field => {
                     return Err(MeshTargetError::Field(e));
                 }
                 Err(_) => {}
@@ -138,14 +146,10 @@ mod tests {
             MeshTarget::new(&turned, Take::Points),
             Err(MeshTargetError::Points(TargetError::InwardNormals { .. }))
         ));
-        assert!(matches!(
-            MeshTarget::new(&TriMesh::default(), Take::Either),
-            Err(MeshTargetError::Field(SdfError::Empty))
-        ));
-        assert!(matches!(
-            MeshTarget::new(&TriMesh::default(), Take::Points),
-            Err(MeshTargetError::Points(_))
-        ));
+        for take in [Take::Either, Take::Field, Take::Points] {
+            let cloud = MeshTarget::new(&with(Vec::new()), take).unwrap_err();
+            assert_eq!(cloud, MeshTargetError::NoTriangles);
+        }
     }
 
     /// A ball with a hole and noise comes out rounder than it went in, and closed.

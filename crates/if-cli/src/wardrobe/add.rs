@@ -46,7 +46,7 @@ pub(crate) struct AddArgs {
     pub(crate) skeleton: Option<PathBuf>,
     /// Factor from the units of all these files to metres, such as 0.01 for centimetres; the
     /// wardrobe is in metres.
-    #[arg(long, value_name = "FACTOR", value_parser = positive, default_value_t = 1.0)]
+    #[arg(long, value_name = "FACTOR", value_parser = positive, default_value_t = 1.0, allow_hyphen_values = true)]
     pub(crate) scale: f64,
     /// Put before each garment's name.
     #[arg(long, value_name = "TEXT", default_value = "")]

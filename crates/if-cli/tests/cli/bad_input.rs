@@ -116,6 +116,7 @@ fn a_scale_that_is_wrong_is_named() {
     refused("0.001", &["likely kilometres", "it was scaled by 0.001; leave out --scale"]);
     refused("0.01", &["it was scaled by 0.01; leave out --scale"]);
     refused("100", &["it was scaled by 100", "leave out --scale"]);
+    refused("-1", &["give a positive number"]);
 }
 
 #[test]

@@ -43,6 +43,16 @@ fn a_fitted_body_is_a_field_and_the_same_bytes_on_any_number_of_threads() {
 }
 
 #[test]
+fn what_is_not_kept_of_a_fit_is_told() {
+    let folder = Folder::new();
+    let run = folder.ifg("fit body.ply --out none.safetensors --steps 0").expect(0);
+    assert!(run.stdout.contains("0 steps, all done, "), "{}", run.stdout);
+    let run = folder.ifg("fit body.ply --out one.safetensors --steps 1").expect(0);
+    assert!(run.stdout.contains("1 steps, all done, none of them kept"), "{}", run.stdout);
+    assert!(folder.read("one.safetensors") == folder.read("none.safetensors"));
+}
+
+#[test]
 #[ignore = "stress"]
 fn an_accuracy_ends_the_fit_or_the_exit_code_says_that_it_was_not_reached() {
     let folder = Folder::new();
