@@ -752,7 +752,8 @@ fn results_do_not_lie_among_bodies_and_garments() {
         let one = run_into_folder(&out, &dresser, &worn, &params, false, &mut Silent);
         assert!(is_refused(one.unwrap_err()), "{inside}");
         let batch = BatchParams { at_once: 1, again: false };
-        let all = batch::run(&out, &dresser, &[worn.clone()], &params, &batch, &keep_on);
+        let all =
+            batch::run(&out, &dresser, std::slice::from_ref(&worn), &params, &batch, &keep_on);
         assert!(is_refused(all.unwrap_err()), "{inside}");
     }
     assert!(!root.path().join("garments/look").exists());
