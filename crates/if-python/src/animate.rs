@@ -118,7 +118,7 @@ pub(crate) fn animate<'py>(
     threads: Option<usize>,
     progress: Option<Bound<'py, PyAny>>,
 ) -> PyResult<Animated<'py>> {
-    let params: AnimateParams = outfits::with_named(py, &params)?;
+    let params = outfits::with_named(py, AnimateParams::default(), &params)?;
     params.validate().map_err(|e| e.raised(py))?;
     let moving = match (motion, skeleton) {
         (Frames::Poses(motion), Some(skeleton)) => {

@@ -59,7 +59,7 @@ pub(crate) fn resolve<'py>(
     threads: Option<usize>,
     progress: Option<Bound<'py, PyAny>>,
 ) -> PyResult<ResolvedArrays<'py>> {
-    let params = named(py, &params, clearance)?;
+    let params = named(py, ResolveParams::default(), &params, clearance)?;
     layers.iter().skip(1).try_for_each(|layer| layer.check_split(py, &params))?;
     let layers = owned(&layers)?;
     let result = work::run(py, threads, progress.as_ref(), move |monitor| {
@@ -156,25 +156,27 @@ pub(crate) fn default_params() -> PyResult<String> {
     serde_json::to_string(&ResolveParams::default()).map_err(no_json)
 }
 
-/// Default parameters, with those replaced that are given by name, as JSON. Ranges are not checked.
-pub(crate) fn with_named<T: Clone + Default + Serialize + DeserializeOwned>(
+/// The parameters `default`, with those replaced that are given by name, as JSON. Ranges are not checked.
+pub(crate) fn with_named<T: Clone + Serialize + DeserializeOwned>(
     py: Python<'_>,
+    default: T,
     params: &[(String, String)],
 ) -> PyResult<T> {
-    params.iter().try_fold(T::default(), |found, (name, json)| {
+    params.iter().try_fold(default, |found, (name, json)| {
         let value: serde_json::Value = serde_json::from_str(json)
             .map_err(|e| PyValueError::new_err(format!("params[{name:?}]: {e}")))?;
         with_parameter(&found, name, &value).map_err(|e| e.raised(py))
     })
 }
 
-/// Parameters of [`resolve`] by name.
+/// Parameters of [`resolve`] by name; `default` for others.
 pub(crate) fn named(
     py: Python<'_>,
+    default: ResolveParams,
     params: &[(String, String)],
     clearance: Option<f64>,
 ) -> PyResult<ResolveParams> {
-    let mut found: ResolveParams = with_named(py, params)?;
+    let mut found = with_named(py, default, params)?;
     if let Some(clearance) = clearance {
         found.goal.clearance = clearance;
     }

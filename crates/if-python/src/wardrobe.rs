@@ -129,14 +129,15 @@ pub(crate) fn wardrobe_match(
 ) -> PyResult<(String, &'static str)> {
     let (body, garments) = combination;
     let (unproven, again, picture_height) = options;
-    let resolve = named(py, &params.0, params.1)?;
+    let default = MatchParams::default();
+    let resolve = named(py, default.resolve, &params.0, params.1)?;
     let params = MatchParams {
         body: true,
         unproven,
         picture_height,
         resolve,
         tool: if_cli::versions(),
-        ..MatchParams::default()
+        ..default
     };
     let matched = work::run(py, threads, progress.as_ref(), move |monitor| {
         let wardrobe = Wardrobe::open_existing(&root)?;
@@ -169,9 +170,10 @@ pub(crate) fn wardrobe_batch(
     progress: Option<Bound<'_, PyAny>>,
 ) -> PyResult<String> {
     let (meshes, again, picture_height, at_once) = options;
-    let resolve = named(py, &params.0, params.1)?;
+    let default = MatchParams::default();
+    let resolve = named(py, default.resolve, &params.0, params.1)?;
     let tool = if_cli::versions();
-    let params = MatchParams { meshes, picture_height, resolve, tool, ..MatchParams::default() };
+    let params = MatchParams { meshes, picture_height, resolve, tool, ..default };
     let (out, part) = out;
     let out = part.map_or(out.clone(), |part| shard_folder(&out, &part));
     let done = work::run(py, threads, progress.as_ref(), move |monitor| {

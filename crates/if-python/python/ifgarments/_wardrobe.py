@@ -148,7 +148,7 @@ class Wardrobe:
             garments: names of garments, inner to outer.
             out: the folder; a worse result does not replace a better one.
             clearance: as in :func:`resolve`.
-            params: as in :func:`resolve`.
+            params: as in :func:`resolve`; ``untangle_strain`` is 1 by default.
             write_unproven: meshes are written even if intersections remain.
             again: it is done again even if the folder has this result.
             picture_height: in pixels; 0 for no pictures.
@@ -200,7 +200,7 @@ class Wardrobe:
                 written into ``out/shards/part``. A call without it collects all parts. See
                 :mod:`ifgarments.batch`.
             clearance: as in :func:`resolve`.
-            params: as in :func:`resolve`.
+            params: as in :func:`resolve`; ``untangle_strain`` is 1 by default.
             meshes: meshes are written.
             again: everything is done again.
             picture_height: in pixels; 0 for no pictures.
