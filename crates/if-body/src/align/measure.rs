@@ -6,6 +6,7 @@ use if_core::mesh::TriMesh;
 use if_mesh::index::Bvh;
 use if_mesh::intersections::own_pairs;
 use if_mesh::measure::{Displacement, Strain, displacement, strain};
+use if_mesh::seams::weld_all;
 use if_mesh::solid::ClosedLayer;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
@@ -25,9 +26,8 @@ pub struct AlignReport {
     pub strain: Strain,
     /// Share of vertices inside the body: the source body before, the target body after.
     pub inside: [Real; 2],
-    /// Triangle pairs of the garment that intersect, before and after.
-    #[serde(default)]
-    pub own_pairs: [usize; 2],
+    /// Triangle pairs of the garment that intersect at rest, on the source body. Seams are closed.
+    pub own_pairs: usize,
 }
 
 /// Measures the garment before and after, each against its body.
@@ -46,8 +46,15 @@ pub fn measure(
         moved: displacement(before.vertices(), after.vertices()),
         strain: strain(before, after.vertices()),
         inside: [inside(before, own), inside(after, other)],
-        own_pairs: [before, after].map(|mesh| own_pairs(mesh, &Bvh::new(mesh)).len()),
+        own_pairs: own_pairs_sewn(before),
     }
+}
+
+/// Triangle pairs of a garment that intersect, as verification counts them.
+fn own_pairs_sewn(garment: &TriMesh) -> usize {
+    let sewn = weld_all(garment);
+    let mesh = sewn.as_ref().map_or(garment, |sewn| &sewn.mesh);
+    own_pairs(mesh, &Bvh::new(mesh)).len()
 }
 
 /// Share of a garment's vertices inside a body.

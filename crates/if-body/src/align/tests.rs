@@ -201,6 +201,26 @@ fn the_bone_that_is_turned_the_most_tells_another_pose() {
 }
 
 #[test]
+fn seams_of_a_garment_are_no_intersections_of_it() {
+    let body = body(&COARSE);
+    let closed = ClosedLayer::body(&body);
+    let map = BodyMap::new(&shape(&body), &shape(&body), &AlignParams::default()).unwrap();
+    let of = |garment: &TriMesh| measure(&map, (garment, &closed), (garment, &closed)).own_pairs;
+    // As exporters write it, each triangle with vertices of its own; and a copy that crosses it.
+    let trousers = garment(Garment::Trousers, &COARSE);
+    let corners = |by: Real| {
+        let all = trousers.triangles().as_flattened().iter();
+        all.map(|v| trousers.vertices()[*v as usize] + Vector::x() * by).collect::<Vec<Point>>()
+    };
+    let soup = |corners: Vec<Point>| {
+        let n = corners.len() as u32 / 3;
+        TriMesh::new(corners, (0..n).map(|t| [3 * t, 3 * t + 1, 3 * t + 2]).collect()).unwrap()
+    };
+    assert_eq!(of(&soup(corners(0.0))), 0);
+    assert!(of(&soup([corners(0.0), corners(0.02)].concat())) > 100);
+}
+
+#[test]
 fn without_a_good_registration_a_similarity_is_used() {
     let from = body(&COARSE);
     // A ball of the same height.

@@ -139,7 +139,7 @@ impl MatchResult {
         for (k, (name, alignment)) in self.aligned().enumerate() {
             let turned = self.turned.get(k).and_then(Option::as_ref);
             notes.extend(self.alignment_note(name, alignment, turned));
-            let [rest, _] = alignment.own_pairs;
+            let rest = alignment.own_pairs;
             let left = self.own_pairs_of(k).filter(|left| *left > rest);
             notes.extend(left.map(|left| {
                 format!(
@@ -192,7 +192,7 @@ impl MatchResult {
     /// Triangle pairs of the garments that intersect one of the same garment: at rest, on their own bodies, and in
     /// the result.
     pub fn own_pairs(&self) -> [usize; 2] {
-        let rest = self.alignments.iter().map(|alignment| alignment.own_pairs[0]).sum();
+        let rest = self.alignments.iter().map(|alignment| alignment.own_pairs).sum();
         let after = (0..self.alignments.len()).filter_map(|k| self.own_pairs_of(k)).sum();
         [rest, after]
     }
