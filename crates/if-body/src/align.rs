@@ -1,34 +1,37 @@
 //! Alignment: transfers garments from one body to another.
 //!
 //! Garments are in the canonical pose of the body that they were made on. A [`BodyMap`] holds sites
-//! all over the source body with their positions on the target body. One similarity A brings the
-//! bodies as near to each other as it can; what it leaves is interpolated at any point near the body:
+//! all over the source body with their positions on the target body, and how the skin turns there. Any point
+//! near the body follows the sites nearest to it:
 //!
 //! ```text
-//! y = A(x) + u(x),   u(x) = Σ gᵢ (tᵢ − A(sᵢ)) / Σ gᵢ      over the k sites sᵢ nearest to x
+//! y  = Σ gᵢ (tᵢ + s Rᵢ (x − sᵢ)) / Σ gᵢ      over the k sites sᵢ nearest to x
 //! gᵢ = exp(−(|x − sᵢ|² − d²) / 2σ²) (1 − |x − sᵢ|² / r²)² (floor + cos(weights of x, weights of sᵢ))
 //! σ  = max(least width, growth · d),   d and r: distances of the nearest and of the k-th site
 //! ```
 //!
-//! Near the body the offset is that of the skin below, so that tight garments stay tight. Farther away
+//! Near the body a point goes with the skin below, so that tight garments stay tight. Farther away
 //! the sum averages over a patch as wide as the distance to the body, so that a coat or skirt
 //! follows the body as a whole, without its details. The ease (the gap to the body) grows and shrinks
-//! with the whole person. Were it kept in metres, the offsets of two legs of a smaller person would point
-//! at each other, and a coat between them would be folded. The skinning weights keep a sleeve with its arm
-//! where the arm is close to the trunk.
+//! with the whole person, by s, the root of the ratio of the bodies' areas, and turns with the limb, by Rᵢ.
+//! The skinning weights keep a sleeve with its arm where the arm is close to the trunk.
+//!
+//! Between two limbs the nearest sites are those of one and then of the other. What that stretches is
+//! then [relaxed](relax).
 //!
 //! The sites come from one [`Method`] of three: the vertices of two bodies with the same topology,
 //! else a registration of one surface onto the other, else one similarity for all points.
 //!
 //! # Source
 //!
-//! Ours: a smooth field of offsets over the nearest sites, with a similarity as the fallback. The
+//! Ours: a smooth field of rigid maps over the nearest sites, with a similarity as the fallback. The
 //! paper aligns garments of several videos, but does not describe how.
 
 mod field;
 mod measure;
 mod params;
 mod register;
+mod relax;
 mod similarity;
 
 pub use field::carried_field;
@@ -38,10 +41,16 @@ use similarity::Similarity;
 
 use crate::skeleton::Skeleton;
 use crate::skin_weights::SkinWeights;
+use crate::skinning::Affine;
+use crate::surface::{neighbours, turns};
+use if_core::closest::ClosestPoint;
 use if_core::edges::Edges;
-use if_core::math::{Point, Real, Vector};
+use if_core::math::{Point, Real, Vector, area_vector};
 use if_core::mesh::TriMesh;
+use if_mesh::index::Bvh;
 use if_mesh::point_tree::PointTree;
+use if_mesh::seams::weld_all;
+use nalgebra::UnitQuaternion;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
@@ -93,11 +102,16 @@ enum Kind {
 
 #[derive(Clone, Debug)]
 struct Sites {
-    similarity: Similarity,
-    /// From the images of the sites to their positions on the target.
-    offsets: Vec<Vector>,
+    /// How a point goes with each site.
+    maps: Vec<Affine>,
+    /// The vertex of the source body that each site is.
+    vertices: Vec<u32>,
     skin: Option<SkinWeights>,
     tree: PointTree,
+    /// The source body.
+    surface: Bvh,
+    /// Scale of the bodies.
+    scale: Real,
 }
 
 impl BodyMap {
@@ -196,25 +210,28 @@ impl BodyMap {
         let one = |found: &mut Vec<(Real, u32)>, (v, p): (usize, &Point)| match &self.kind {
             Kind::Same => *p,
             Kind::Similar(similarity) => similarity.point(p),
-            Kind::Sites(sites) => {
-                let offset = sites.offset(p, skin.map(|s| (s, v)), &self.params, found);
-                sites.similarity.point(p) + offset
-            }
+            Kind::Sites(sites) => sites.point(p, skin.map(|s| (s, v)), &self.params, found),
         };
         Ok(points.par_iter().enumerate().with_min_len(256).map_init(Vec::new, one).collect())
     }
 
-    /// The garment on the target body, with the same triangles.
+    /// The garment on the target body, with the same triangles: mapped, then relaxed.
     ///
     /// # Errors
     ///
-    /// The weights are for another number of vertices, or a position is not finite.
+    /// The weights are for another number of vertices, a position is not finite, or what the map stretches
+    /// cannot be relaxed, for lack of memory.
     pub fn align(
         &self,
         garment: &TriMesh,
         skin: Option<&SkinWeights>,
     ) -> Result<TriMesh, AlignError> {
-        let moved = self.map_points(garment.vertices(), skin)?;
+        let mut moved = self.map_points(garment.vertices(), skin)?;
+        if let Kind::Sites(sites) = &self.kind {
+            let (points, distances) = (&moved[..], &sites.distances(garment.vertices())[..]);
+            let mapped = relax::Mapped { points, distances, scale: sites.scale };
+            moved = relax::relaxed(garment, &mapped, &self.params)?;
+        }
         Ok(garment.with_vertices(moved)?)
     }
 }
@@ -254,41 +271,73 @@ fn share_topology(a: &TriMesh, b: &TriMesh) -> bool {
     common as Real >= SHARED_EDGES * a.len().max(b.len()) as Real
 }
 
+/// Every vertex of the surface `from`, those at one position as one, and the same surface with its vertices at
+/// `to`.
 fn sites(from: &TriMesh, to: &[Point], skin: Option<&SkinWeights>) -> Kind {
-    let similarity = Similarity::of_surface(from, to);
-    let offsets = from.vertices().iter().zip(to).map(|(a, b)| b - similarity.point(a)).collect();
-    let (skin, tree) = (skin.cloned(), PointTree::new(from.vertices()));
-    Kind::Sites(Box::new(Sites { similarity, offsets, skin, tree }))
+    let welded = weld_all(from);
+    let (sewn, vertices) = match &welded {
+        Some(welded) => (&welded.mesh, welded.first_of()),
+        None => (from, (0..from.vertices().len() as u32).collect()),
+    };
+    let to: Vec<Point> = vertices.iter().map(|v| to[*v as usize]).collect();
+    let neighbours = neighbours(to.len(), &Edges::new(sewn).vertices);
+    let scale = scale(sewn, &to);
+    let map = |((from, to), turn): ((&Point, &Point), UnitQuaternion<Real>)| {
+        let linear = turn.to_rotation_matrix().into_inner() * scale;
+        Affine { linear, offset: to.coords - linear * from.coords }
+    };
+    let turns = turns(sewn, &neighbours, &to);
+    let maps = sewn.vertices().iter().zip(&to).zip(turns).map(map).collect();
+    let (tree, surface) = (PointTree::new(sewn.vertices()), Bvh::new(sewn));
+    Kind::Sites(Box::new(Sites { maps, vertices, skin: skin.cloned(), tree, surface, scale }))
+}
+
+/// By how much the surface grows when its vertices go to `to`: the root of the ratio of the areas. Limbs that
+/// spread do not change it.
+fn scale(from: &TriMesh, to: &[Point]) -> Real {
+    let area = |x: &[Point]| -> Real {
+        let of = |t: &[u32; 3]| t.map(|v| x[v as usize]);
+        from.triangles().iter().map(of).map(|[a, b, c]| area_vector(&a, &b, &c).norm()).sum()
+    };
+    let ratio = area(to) / area(from.vertices());
+    if ratio > 0.0 && ratio.is_finite() { ratio.sqrt() } else { 1.0 }
 }
 
 impl Sites {
-    fn offset(
+    fn point(
         &self,
         p: &Point,
         skin: Option<(&SkinWeights, usize)>,
         params: &AlignParams,
         found: &mut Vec<(Real, u32)>,
-    ) -> Vector {
+    ) -> Point {
         self.tree.nearest(p, params.neighbours, found);
         let (Some(&(near, nearest)), Some(&(far, _))) = (found.first(), found.last()) else {
-            return Vector::zeros();
+            return *p;
         };
         let width = params.least_width.max(params.growth * near.sqrt());
         let (mut sum, mut total) = (Vector::zeros(), 0.0);
         for &(d2, site) in found.iter() {
+            let site = site as usize;
             let edge = if far > 0.0 { 1.0 - d2 / far } else { 1.0 };
             let similar = match (&self.skin, skin) {
                 (Some(own), Some((skin, v))) => {
-                    params.skin_floor + cosine(own, site as usize, skin, v)
+                    params.skin_floor + cosine(own, self.vertices[site] as usize, skin, v)
                 }
                 _ => 1.0,
             };
             let g = (-(d2 - near) / (2.0 * width * width)).exp() * edge * edge * similar;
-            sum += self.offsets[site as usize] * g;
+            sum += self.maps[site].point(p).coords * g;
             total += g;
         }
         // If all sites are at the same distance, the kernel is zero at all of them.
-        if total > 0.0 { sum / total } else { self.offsets[nearest as usize] }
+        if total > 0.0 { Point::from(sum / total) } else { self.maps[nearest as usize].point(p) }
+    }
+
+    /// Distances of points from the source body, in metres.
+    fn distances(&self, points: &[Point]) -> Vec<Real> {
+        let of = |p: &Point| self.surface.closest(p, Real::INFINITY).map_or(0.0, |c| c.distance);
+        points.par_iter().with_min_len(256).map(of).collect()
     }
 }
 

@@ -40,8 +40,7 @@ impl BodySurface {
             return Err(SkinError::Empty { vertices: n, joints: 0 });
         }
         let edges = Edges::new(&rest).vertices;
-        let both = edges.iter().flat_map(|[a, b]| [(*a, *b), (*b, *a)]);
-        let neighbours = Rows::new(n, both);
+        let neighbours = neighbours(n, &edges);
         let mut entries = Vec::new();
         for v in 0..n {
             entries.push(Entry::new(v, v, neighbours.of(v).len() as Real + HOLD));
@@ -64,27 +63,7 @@ impl BodySurface {
     ///
     /// If there is not one position for each vertex.
     pub fn turns(&self, positions: &[Point]) -> Vec<UnitQuaternion<Real>> {
-        let rest = self.rest.vertices();
-        assert_eq!(positions.len(), rest.len(), "one position for each vertex");
-        let mut sums = vec![Matrix3::zeros(); rest.len()];
-        for t in self.rest.triangles() {
-            let [then, now] = [rest, positions].map(|x| t.map(|v| x[v as usize]));
-            if let (Some(from), Some(to)) =
-                (triangle_frame(then.each_ref()), triangle_frame(now.each_ref()))
-            {
-                let turn = to * from.transpose() * area_vector(&then[0], &then[1], &then[2]).norm();
-                t.iter().for_each(|v| sums[*v as usize] += turn);
-            }
-        }
-        for _ in 0..ROUNDS {
-            let mean = |v: usize| {
-                let near = self.neighbours.of(v);
-                let sum: Matrix3<Real> = near.iter().map(|n| sums[*n as usize]).sum();
-                sums[v] + sum / near.len().max(1) as Real
-            };
-            sums = (0..sums.len()).into_par_iter().with_min_len(1024).map(mean).collect();
-        }
-        sums.par_iter().with_min_len(256).map(nearest_turn).collect()
+        turns(&self.rest, &self.neighbours, positions)
     }
 
     /// For each vertex the rigid map from the rest state to `positions`, with its turn.
@@ -164,8 +143,42 @@ impl BodySurface {
     }
 }
 
+/// The neighbours of each vertex along the edges.
+pub(crate) fn neighbours(vertices: usize, edges: &[[u32; 2]]) -> Rows<u32> {
+    Rows::new(vertices, edges.iter().flat_map(|[a, b]| [(*a, *b), (*b, *a)]))
+}
+
+/// [`BodySurface::turns`] of a surface with these neighbours.
+pub(crate) fn turns(
+    surface: &TriMesh,
+    neighbours: &Rows<u32>,
+    positions: &[Point],
+) -> Vec<UnitQuaternion<Real>> {
+    let rest = surface.vertices();
+    assert_eq!(positions.len(), rest.len(), "one position for each vertex");
+    let mut sums = vec![Matrix3::zeros(); rest.len()];
+    for t in surface.triangles() {
+        let [then, now] = [rest, positions].map(|x| t.map(|v| x[v as usize]));
+        if let (Some(from), Some(to)) =
+            (triangle_frame(then.each_ref()), triangle_frame(now.each_ref()))
+        {
+            let turn = to * from.transpose() * area_vector(&then[0], &then[1], &then[2]).norm();
+            t.iter().for_each(|v| sums[*v as usize] += turn);
+        }
+    }
+    for _ in 0..ROUNDS {
+        let mean = |v: usize| {
+            let near = neighbours.of(v);
+            let sum: Matrix3<Real> = near.iter().map(|n| sums[*n as usize]).sum();
+            sums[v] + sum / near.len().max(1) as Real
+        };
+        sums = (0..sums.len()).into_par_iter().with_min_len(1024).map(mean).collect();
+    }
+    sums.par_iter().with_min_len(256).map(nearest_turn).collect()
+}
+
 /// The rotation nearest to a matrix; that of zero is none.
-fn nearest_turn(m: &Matrix3<Real>) -> UnitQuaternion<Real> {
+pub(crate) fn nearest_turn(m: &Matrix3<Real>) -> UnitQuaternion<Real> {
     let svd = m.svd(true, true);
     let (Some(u), Some(v)) = (svd.u, svd.v_t) else { return UnitQuaternion::identity() };
     let mut flip = Matrix3::identity();

@@ -26,6 +26,11 @@ pub struct AlignParams {
     /// Largest share of the source's area that a registration may flip. Beyond, a similarity is
     /// used instead.
     pub turned: Real,
+    /// Length over which the map's stretch is evened out at the body, in metres. A larger one lets tight
+    /// garments keep their own size, and end up inside a larger body.
+    pub hold: Real,
+    /// Distance from the body at which that length is twice as large, in metres; it grows with the square.
+    pub near: Real,
 }
 
 impl Default for AlignParams {
@@ -37,6 +42,8 @@ impl Default for AlignParams {
             skin_floor: 0.1,
             poor: 0.004,
             turned: 0.02,
+            hold: 0.01,
+            near: 0.02,
         }
     }
 }
@@ -50,15 +57,17 @@ impl AlignParams {
     pub fn validate(&self) -> Result<(), ParameterError> {
         let positive = |x: Real| x > 0.0 && x.is_finite();
         let non_negative = |x: Real| x >= 0.0 && x.is_finite();
-        let Self { neighbours, least_width, growth, skin_floor, poor, turned } = *self;
+        let Self { neighbours, least_width, growth, skin_floor, poor, turned, hold, near } = *self;
         let check = ParameterError::check;
-        let near = (4..=1000).contains(&neighbours);
-        check("neighbours", neighbours as Real, near, "from 4 to 1,000")?;
+        let some = (4..=1000).contains(&neighbours);
+        check("neighbours", neighbours as Real, some, "from 4 to 1,000")?;
         check("least_width", least_width, positive(least_width), "positive (m)")?;
         check("growth", growth, non_negative(growth), "zero or positive")?;
         check("skin_floor", skin_floor, positive(skin_floor), "positive")?;
         check("poor", poor, non_negative(poor), "zero or positive")?;
-        check("turned", turned, non_negative(turned), "zero or positive")
+        check("turned", turned, non_negative(turned), "zero or positive")?;
+        check("hold", hold, positive(hold), "positive (m)")?;
+        check("near", near, positive(near), "positive (m)")
     }
 }
 

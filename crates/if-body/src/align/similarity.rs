@@ -3,9 +3,8 @@
 use super::{AlignError, BodyShape};
 use crate::skeleton::{Joint, SHORT};
 use if_core::aabb::Aabb;
-use if_core::math::{Point, Real, Vector, area_vector, barycentric_point};
-use if_core::mesh::TriMesh;
-use nalgebra::{Matrix3, Rotation3};
+use if_core::math::{Point, Real, Vector};
+use nalgebra::{Matrix3, Rotation3, UnitQuaternion};
 
 /// A similarity: y = s R (x − a) + b.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -44,25 +43,6 @@ impl Similarity {
         }
         let foot = |aabb: &Aabb| Point::new(aabb.center().x, aabb.min.y, aabb.center().z);
         Ok(Self { rotation: Rotation3::identity(), scale, from: foot(&a), to: foot(&b) })
-    }
-
-    /// The least-squares similarity of the surface `from` and the same with its vertices at `to`; the
-    /// identity if there is none.
-    pub(super) fn of_surface(from: &TriMesh, to: &[Point]) -> Self {
-        let of = |t: &[u32; 3]| {
-            let at = |positions: &[Point]| t.map(|v| positions[v as usize]);
-            let (a, b) = (at(from.vertices()), at(to));
-            let middle =
-                |corners: &[Point; 3]| barycentric_point(corners.each_ref(), [1.0 / 3.0; 3]);
-            (middle(&a), middle(&b), area_vector(&a[0], &a[1], &a[2]).norm())
-        };
-        let pairs: Vec<_> = from.triangles().iter().map(of).collect();
-        umeyama(&pairs).unwrap_or(Self {
-            rotation: Rotation3::identity(),
-            scale: 1.0,
-            from: Point::origin(),
-            to: Point::origin(),
-        })
     }
 
     /// The image of a point.
@@ -140,7 +120,10 @@ pub(super) fn start(from: &BodyShape, to: &BodyShape, similarity: &Similarity) -
         if u.norm().min(v.norm()) < SHORT {
             return None;
         }
-        let rotation = Rotation3::rotation_between(&u, &v)?;
+        // The shortest way is from where the bodies face alike.
+        let facing = similarity.rotation;
+        let rotation =
+            UnitQuaternion::rotation_between(&(facing * u), &v)?.to_rotation_matrix() * facing;
         // The geometric mean: bones differ more in length than limbs do in girth.
         Some(Similarity {
             rotation,
