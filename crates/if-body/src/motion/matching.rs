@@ -22,6 +22,10 @@ pub(super) struct Matches {
     pub(super) is_end: Vec<bool>,
     /// The joints of the thighs.
     pub(super) thighs: Vec<[usize; 2]>,
+    /// The left and the right hip joint.
+    pub(super) hip_line: Option<[[usize; 2]; 2]>,
+    /// The left and the right shoulder joint.
+    pub(super) shoulder_line: Option<[[usize; 2]; 2]>,
     /// The head of the skeleton.
     pub(super) head: Option<usize>,
     /// Whether the bone of the parent leads to a joint of the skeleton, by its name: not to eyes, fingers or hair.
@@ -134,11 +138,33 @@ pub(super) fn matches(bvh: &Bvh, skeleton: &Skeleton) -> Result<Matches, BvhErro
     }
     let is_end = |(name, has_below): (&Name, bool)| !has_below || is_last(name);
     let is_end = names.iter().zip(has_below).map(is_end).collect();
-    let thighs = limbs.into_iter().filter(is_thigh).collect();
+    let line = |bone: &str| {
+        let of = |side| {
+            let is_side =
+                |[j, _]: &[usize; 2]| names[*j].usual.0 == Some(side) && names[*j].usual.1 == bone;
+            limbs.iter().copied().find(is_side)
+        };
+        Some([of('l')?, of('r')?])
+    };
+    let (hip_line, shoulder_line) = (line(LEG[0]), line(ARM[1]));
+    let thighs = limbs.iter().copied().filter(is_thigh).collect();
     let goes_on_in_file = goes_on(&of_file, |k| bvh.joints[k].parent);
     let goes_on = goes_on(&names, |j| skeleton.joints()[j].parent);
     let head = head_of_skeleton;
-    Ok(Matches { of, is_limb, hips, chest, is_end, thighs, head, goes_on, goes_on_in_file, still })
+    Ok(Matches {
+        of,
+        is_limb,
+        hips,
+        chest,
+        is_end,
+        thighs,
+        hip_line,
+        shoulder_line,
+        head,
+        goes_on,
+        goes_on_in_file,
+        still,
+    })
 }
 
 /// The head: the joint of that name, or the last one on from the chest by the chest's name, such as Rigify's

@@ -31,8 +31,8 @@ pub(super) struct Retargeted {
 /// The motion of a BVH file for a skeleton.
 ///
 /// With B the rotation of a joint of the file in the world, the skeleton's joint has W = B A there,
-/// where A turns its bone in the rest pose to that of the file: by quarter turns about y to the side
-/// that the person faces, then the shortest way; of a hand as its arm, then the shortest way to its
+/// where A turns its bone in the rest pose to that of the file: about y to the side that the person faces, then
+/// the shortest way; of a hand as its arm, then the shortest way to its
 /// fingers. Joints of the spine are matched by their share of its length, and so are those of neck and head that
 /// no name matches, all others by name; those that the file lacks follow their parents. Translations are those of the [hips](hips), scaled by
 /// their heights in the rest pose of the file; joints above them stay as they are. The first frame is above the origin; the floor of the file, y = 0, is that of the body where its

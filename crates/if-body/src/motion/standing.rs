@@ -14,7 +14,7 @@ use super::matching::{Matches, below};
 use crate::skeleton::Skeleton;
 use if_core::math::{Real, Vector};
 use nalgebra::UnitQuaternion;
-use std::f64::consts::FRAC_PI_2;
+use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
 type Turn = UnitQuaternion<Real>;
 
@@ -56,7 +56,7 @@ pub(super) fn stand(
         })?,
     };
     let facing = match frame {
-        None => quarters(heading(bvh, skeleton, matches, matches.pairs())),
+        None => heading_at_rest(bvh, skeleton, matches),
         Some(_) => heading(bvh, skeleton, matches, matches.thighs.iter().copied()),
     };
     // In the axes with y up.
@@ -168,9 +168,40 @@ fn heading(
     across.atan2(along)
 }
 
-/// The nearest quarter turns: in rest poses people face along an axis.
-fn quarters(angle: Real) -> Real {
-    (angle / FRAC_PI_2).round() * FRAC_PI_2
+/// Least angle from the nearest quarter turn at which a rest pose is turned, in radians: 1°, at which hands are
+/// 12 mm aside. At ten times more a rig that is turned by 5° is twisted between pelvis and limbs; at ten times
+/// less the rounding of a file's offsets decides.
+const TURNED: Real = PI / 180.0;
+
+/// The angle about y from the skeleton to the rest pose of the file: that of the lines through hips and
+/// shoulders if these lie aside by more than they differ, else the nearest quarter turn.
+///
+/// All joints together tell only the quarter: a raised arm, a stride or a missing forearm turns them by 10°.
+fn heading_at_rest(bvh: &Bvh, skeleton: &Skeleton, matches: &Matches) -> Real {
+    let nearest_quarter = |angle: Real| (angle / FRAC_PI_2).round() * FRAC_PI_2;
+    let lines = matches.hip_line.zip(matches.shoulder_line);
+    let of_lines = lines.and_then(|(hips, shoulders)| {
+        let of_hips = line_heading(bvh, skeleton, hips)?;
+        // Between -π and π, so that their mean lies between them.
+        let twist = line_heading(bvh, skeleton, shoulders)? - of_hips;
+        let twist = twist - (twist / TAU).round() * TAU;
+        let angle = of_hips + 0.5 * twist;
+        let aside = (angle - nearest_quarter(angle)).abs();
+        (aside > twist.abs().max(TURNED)).then_some(angle)
+    });
+    let of_all = || nearest_quarter(heading(bvh, skeleton, matches, matches.pairs()));
+    of_lines.unwrap_or_else(of_all)
+}
+
+/// The angle about y from the line through two joints of the skeleton to that of the file; `None` if one of them
+/// is upright.
+fn line_heading(bvh: &Bvh, skeleton: &Skeleton, line: [[usize; 2]; 2]) -> Option<Real> {
+    let (joints, rest) = (skeleton.joints(), bvh.rest());
+    let [[a, k], [b, m]] = line;
+    let (p, q) = (joints[b].head - joints[a].head, rest[m] - rest[k]);
+    let [own, other] = [p, q].map(|along| (along.x != 0.0 || along.z != 0.0).then_some(along));
+    let (p, q) = (own?, other?);
+    Some((p.z * q.x - p.x * q.z).atan2(p.x * q.x + p.z * q.z))
 }
 
 /// Least cosine between trunk and axis of a person who stands.

@@ -107,6 +107,57 @@ fn frames_may_have_another_axis_up_than_the_rest_pose() {
     assert!(trunk(&motion, 0).y < 0.7 && trunk(&motion, 3).y > 0.99);
 }
 
+/// The skeleton as it stands in a pose.
+fn posed(skeleton: &Skeleton, pose: &Pose) -> Skeleton {
+    let frames = skeleton.frames(pose).unwrap();
+    let at = |(j, joint): (usize, &Joint)| Joint {
+        head: frames[j].translation.vector.into(),
+        tail: frames[j] * Point::from(joint.tail - joint.head),
+        ..joint.clone()
+    };
+    Skeleton::new(skeleton.joints().iter().enumerate().map(at).collect()).unwrap()
+}
+
+#[test]
+fn a_body_that_faces_anywhere_is_turned_as_a_whole() {
+    let skeleton = crate::mannequin::rig::skeleton();
+    let poses = poses(&skeleton);
+    let text = written(&skeleton, &poses, 100.0);
+    for degrees in [3.0, 10.0, 45.0, 90.0, 130.0, -20.0] {
+        let turn = UnitQuaternion::from_axis_angle(&Vector::y_axis(), Real::to_radians(degrees));
+        let mut faced = Pose::rest(skeleton.len());
+        faced.rotations[0] = turn;
+        let motion = Motion::read(text.as_bytes(), &posed(&skeleton, &faced)).unwrap();
+        // In each frame the bones of the file are turned from the body's by the same turn.
+        for (a, b) in motion.poses.iter().zip(&poses) {
+            let mut above = a.clone();
+            above.rotations.iter_mut().for_each(|r| *r = turn.inverse() * *r * turn);
+            above.rotations[0] = turn * above.rotations[0];
+            let off = above.largest_turn(b);
+            assert!(off < 1e-6, "{degrees}: {off}");
+        }
+    }
+}
+
+#[test]
+fn a_rest_pose_in_a_stride_faces_as_the_body() {
+    let skeleton = crate::mannequin::rig::skeleton();
+    let mut stride = Pose::rest(skeleton.len());
+    let mut turn = |name: &str, axis, angle| {
+        let j = skeleton.names().position(|n| n == name).unwrap();
+        stride.rotations[j] = UnitQuaternion::from_axis_angle(&axis, angle);
+    };
+    // An arm is forward, a leg back, and the shoulders are turned from the hips.
+    turn("left_arm", Vector::y_axis(), -1.2);
+    turn("right_thigh", Vector::x_axis(), 0.4);
+    turn("spine", Vector::y_axis(), 0.2);
+    let file = posed(&skeleton, &stride);
+    let text = written(&file, &[Pose::rest(skeleton.len())], 1.0);
+    let motion = Motion::read(text.as_bytes(), &skeleton).unwrap();
+    let turned = motion.poses[0].rotations[0].angle();
+    assert!(turned < 1e-9, "{turned}");
+}
+
 #[test]
 fn last_bones_that_lead_elsewhere_are_no_bones() {
     let skeleton = crate::mannequin::rig::skeleton();
