@@ -134,7 +134,7 @@ pub(crate) fn run(args: &AnimateArgs) -> Result<End, Report> {
 pub(crate) fn animated(spec: &OutfitSpec, args: &Options) -> Result<End, Report> {
     let mut line = &Line::new(&spec.name, 0, 1);
     line.message("reading");
-    let files = load::load(spec)?;
+    let files = load::load(spec).map_err(faults::of_files)?;
     // Weights that are missing, and frames that do not fit, are found before the outfit is resolved.
     let source = Source::read(&args.source, spec, &files)?;
     let planned = Names::new(spec, args, source.frames())?;

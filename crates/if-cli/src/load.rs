@@ -3,6 +3,7 @@
 use crate::errors::ErrorChain;
 use crate::outfit_file::OutfitSpec;
 use if_mesh::file::ReadError;
+use if_mesh::gltf;
 use if_outfit::files::{FilesError, LayerFile, OutfitFiles};
 use if_outfit::outfit::OutfitError;
 use miette::Diagnostic;
@@ -107,8 +108,14 @@ pub(crate) fn reading_advice(error: &ReadError) -> &'static str {
             "look at the path; relative paths in an outfit file start at its folder"
         }
         ReadError::NotAFile { .. } => "give the path of a file",
+        ReadError::Gltf { source, .. } if has_names(source) => "give one of these names",
         _ => "repair it at the place named, or export it again",
     }
+}
+
+/// Whether the error lists names that the file has in place of the one that was given.
+fn has_names(error: &gltf::ReadError) -> bool {
+    matches!(error, gltf::ReadError::NoNode { names, .. } if !names.is_empty())
 }
 
 /// Reads all layers and checks that they are a valid outfit.

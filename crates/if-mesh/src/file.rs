@@ -2,7 +2,7 @@
 
 use crate::atomic::{FileSet, FileSetError};
 use crate::attributes::AttributeError;
-use crate::gltf::{self, Beside, GltfMesh};
+use crate::gltf::{self, Beside, GltfFiles, GltfMesh};
 use crate::obj::{self, Normals, ObjMesh};
 use crate::ply::{self, CoordinateType, PlyMesh, WriteParams, quantise};
 use crate::split::SplitMesh;
@@ -365,6 +365,24 @@ impl MeshFile {
         Self::write_layers_with(layers, path, Beside::Embedded)
     }
 
+    /// As [`MeshFile::write_layers_embedded`], without the animations of a glTF file, which would pose meshes
+    /// that are posed already: for a frame of a motion.
+    ///
+    /// # Errors
+    ///
+    /// As [`MeshFile::write_layers`].
+    pub fn write_frame<'a>(
+        layers: &[(&'a Self, &'a [Point])],
+        path: &Path,
+    ) -> Result<(), WriteError> {
+        match gltfs(layers) {
+            Some(gltfs) if is_gltf(path) => {
+                put_gltf(gltf::write_frame(&gltfs, Normals::Follow), path)
+            }
+            _ => Self::write_layers_embedded(layers, path),
+        }
+    }
+
     fn write_layers_with<'a>(
         layers: &[(&'a Self, &'a [Point])],
         path: &Path,
@@ -375,13 +393,9 @@ impl MeshFile {
         if (layers.len() == 1 && !has_others) || Format::of(path) != Some(first.format()) {
             return first.write(path, positions); // reports the extension of another format
         }
-        let gltf = |(file, positions): &(&'a Self, &'a [Point])| match &file.content {
-            Content::Gltf(gltf) => Some((gltf, *positions)),
-            _ => None,
-        };
         let fault = || gltf::WriteError::SeveralFiles.into();
-        let gltfs: Option<Vec<_>> = layers.iter().map(gltf).collect();
-        let gltfs = gltfs.ok_or_else(|| WriteError::Gltf { path: path.into(), source: fault() })?;
+        let gltfs =
+            gltfs(layers).ok_or_else(|| WriteError::Gltf { path: path.into(), source: fault() })?;
         write_gltf(&gltfs, path, beside)
     }
 
@@ -456,13 +470,26 @@ fn has_form(gltf: GltfMesh, format: Format) -> Result<GltfMesh, gltf::ReadError>
     Err(gltf::ReadError::Form { found, extension })
 }
 
+/// The layers as glTF, if all of them are; `None` if there is none.
+fn gltfs<'a>(layers: &[(&'a MeshFile, &'a [Point])]) -> Option<Vec<(&'a GltfMesh, &'a [Point])>> {
+    let gltf = |(file, positions): &(&'a MeshFile, &'a [Point])| match &file.content {
+        Content::Gltf(gltf) => Some((gltf, *positions)),
+        _ => None,
+    };
+    layers.iter().map(gltf).collect::<Option<Vec<_>>>().filter(|all| !all.is_empty())
+}
+
 fn write_gltf(
     layers: &[(&GltfMesh, &[Point])],
     path: &Path,
     beside: Beside,
 ) -> Result<(), WriteError> {
-    let files = gltf::write_layers(layers, Normals::Follow, beside)
-        .map_err(|e| WriteError::Gltf { path: path.into(), source: e.into() })?;
+    put_gltf(gltf::write_layers(layers, Normals::Follow, beside), path)
+}
+
+/// Stores the files that a glTF file was written as.
+fn put_gltf(files: Result<GltfFiles, gltf::WriteError>, path: &Path) -> Result<(), WriteError> {
+    let files = files.map_err(|e| WriteError::Gltf { path: path.into(), source: e.into() })?;
     let io = |path: &Path, source| WriteError::Io { path: path.into(), source };
     let fill = |file: &mut fs::File| io::Write::write_all(file, &files.bytes);
     if files.beside.is_empty() {

@@ -47,7 +47,7 @@ pub use gltf_mesh::{GltfMesh, Influences};
 pub use motion::{MotionError, MotionLayer, check_motion, write_motion};
 pub use read::{read, read_layer};
 pub use scene::SkinJoint;
-pub use write::{write, write_layers};
+pub use write::{write, write_frame, write_layers};
 
 #[cfg(test)]
 mod tests;

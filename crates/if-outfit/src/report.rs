@@ -353,7 +353,7 @@ pub struct Algorithm1Report {
     pub queries: u64,
     /// Queries that a bound on the motion made unnecessary.
     pub skipped_by_bound: u64,
-    /// Queries that the mask made unnecessary.
+    /// Queries that the mask, or the bounds of the field, made unnecessary.
     pub skipped_by_mask: u64,
 }
 

@@ -315,7 +315,11 @@ fn settle_once(
         queries: work.contacts.search.queries,
         skipped: work.contacts.search.skipped,
         eased: work.eased,
-        held: work.cloth.ever_free.iter().filter(|free| !**free).count(),
+        // Algorithm 1 holds no vertex.
+        held: match algorithm1 {
+            Some(_) => 0,
+            None => work.cloth.ever_free.iter().filter(|free| !**free).count(),
+        },
         remaining,
         algorithm1,
     };

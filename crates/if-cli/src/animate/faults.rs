@@ -1,11 +1,13 @@
 //! What can go wrong with an animation.
 
+use crate::load::LoadError;
 use if_body::{MotionError, SequenceError, SkeletonError};
 use if_core::parameter::ParameterError;
 use if_outfit::NamedParameterError;
+use if_outfit::outfit::OutfitError;
 use if_outfit::unresolved::Unresolved;
 use if_pipeline::animate::{AnimateError, SkinFault};
-use miette::Diagnostic;
+use miette::{Diagnostic, Report};
 use std::path::PathBuf;
 
 /// An outfit cannot be animated.
@@ -23,6 +25,14 @@ pub(super) enum AnimateFault {
         help("convert body, garments and skeleton to metres first, and leave out --scale")
     )]
     Scale { scale: f64 },
+    #[error("`{}` cannot be animated", path.display())]
+    #[diagnostic(
+        code(ifg::animate::units),
+        help(
+            "export body, garments and skeleton in metres: frames are in metres, without --scale"
+        )
+    )]
+    Units { path: PathBuf, source: OutfitError },
     #[error("triangles of garments cannot be split in a motion")]
     #[diagnostic(
         code(ifg::animate::split),
@@ -120,6 +130,16 @@ pub(super) enum AnimateFault {
     #[error("the outfit cannot be animated")]
     #[diagnostic(code(ifg::animate), help("look at the layer, frame or file that is named"))]
     Animate { source: AnimateError },
+}
+
+/// The error of files that cannot be read: animations have no scale.
+pub(super) fn of_files(error: LoadError) -> Report {
+    match error {
+        LoadError::Outfit { path, source: source @ OutfitError::Units { .. }, .. } => {
+            AnimateFault::Units { path, source }.into()
+        }
+        other => other.into(),
+    }
 }
 
 /// Frames that are not clean, or not clean everywhere with --strict.

@@ -1,4 +1,4 @@
-//! Meshes of single frames, with all attributes of the layers' files.
+//! Meshes of single frames, with all attributes of the layers' files, and without animations.
 
 use super::Options;
 use super::faults::AnimateFault;
@@ -105,7 +105,7 @@ fn write_meshes_of_file(
     staged: &Path,
     path: &Path,
 ) -> Result<(), OutputError> {
-    MeshFile::write_layers_embedded(layers, staged).map_err(|error| match error {
+    MeshFile::write_frame(layers, staged).map_err(|error| match error {
         WriteError::Io { source, .. } => OutputError::File { path: path.into(), source },
         other => OutputError::Mesh { path: path.into(), source: ErrorChain::new(&other) },
     })

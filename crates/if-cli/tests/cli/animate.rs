@@ -447,6 +447,18 @@ fn motions_and_weights_that_do_not_fit_are_errors_that_name_them() {
     write(&folder, &motion());
     fails("--skeleton missing.json", "missing.json");
     fails("--scale 0.01", "frames are in metres");
+    let of_metres = read_path(&folder.path("doll/body_clean.ply")).unwrap().mesh;
+    let large = PlyMesh::new(of_metres.scaled(100.0).unwrap());
+    let path = folder.path("doll/large.ply");
+    write_path(&large, large.mesh.vertices(), &WriteParams::default(), &path).unwrap();
+    let run = folder
+        .ifg(
+            "animate --body doll/large.ply doll/trousers.ply --motion doll/motion.json --out moved",
+        )
+        .expect(2);
+    assert!(run.stderr.contains("likely centimetres"), "{}", run.stderr);
+    assert!(run.stderr.contains("export body, garments and skeleton in metres"), "{}", run.stderr);
+    assert!(!run.stderr.contains("add --scale"), "{}", run.stderr);
     fails("--every 0", "0");
     fails("--frames 3", "the motion has 3 frames, the last is 2");
     fails("--frames 2-1", "the last frame is before the first");

@@ -273,6 +273,19 @@ fn timings_name_the_phases_and_change_nothing_else() {
 }
 
 #[test]
+fn several_objects_of_a_file_are_noted() {
+    let folder = Folder::new();
+    let shirt = String::from_utf8(folder.read("shirt.obj")).unwrap();
+    folder.write("shirt.obj", format!("{shirt}o buttons\nf 1 2 3\no empty\n"));
+    let check = folder.ifg("check outfit.toml");
+    assert!(!check.stdout.contains("objects"), "{}", check.stdout);
+    folder.write("shirt.obj", format!("o shirt\n{shirt}o buttons\nf 1 2 3\no empty\n"));
+    let check = folder.ifg("check outfit.toml");
+    let note = "Note: `top`: the file has 2 objects (`shirt`, `buttons`)";
+    assert!(check.stdout.contains(note), "{}", check.stdout);
+}
+
+#[test]
 fn harmless_faults_are_noted_and_kept() {
     let folder = Folder::new();
     let content = String::from_utf8(folder.read("shirt.obj")).unwrap() + "v 0.3 0.1 0\nf 1 1 2\n";

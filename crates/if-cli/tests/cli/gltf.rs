@@ -145,6 +145,7 @@ fn nodes_that_are_missing_or_chosen_twice_are_named() {
         "{}",
         run.stderr
     );
+    assert!(run.stderr.contains("help: give one of these names"), "{}", run.stderr);
     let run = folder.ifg("check --body look.glb look.glb#Coat").expect(2);
     let flat = run.stderr.split_whitespace().collect::<Vec<_>>().join(" ");
     assert!(flat.contains("look.glb#NODE") || flat.contains("scene.glb#NODE"), "{}", run.stderr);

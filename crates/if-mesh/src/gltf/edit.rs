@@ -68,6 +68,17 @@ impl<'a> Edit<'a> {
         Ok(&mut self.document()?["accessors"][accessor])
     }
 
+    /// Removes the animations.
+    pub(super) fn drop_animations(&mut self) -> Result<(), WriteError> {
+        let had = self.document.is_some();
+        let entries = self.document()?.as_object_mut();
+        let dropped = entries.and_then(|entries| entries.shift_remove("animations"));
+        if dropped.is_none() && !had {
+            self.document = None; // nothing changed
+        }
+        Ok(())
+    }
+
     /// Stores the elements of an accessor as single-precision numbers, at the end of a buffer.
     pub(super) fn replace<const N: usize>(
         &mut self,

@@ -534,6 +534,34 @@ fn a_node_is_a_layer_and_several_are_written_into_one_file() {
 }
 
 #[test]
+fn a_frame_has_no_animation_that_would_pose_it_again() {
+    let mut builder = Builder::new();
+    builder.square(0.0, json!({"name": "shirt"}));
+    let still = builder.read().unwrap();
+    let layers = [(&still, still.mesh().vertices())];
+    assert_eq!(write_frame(&layers, Normals::Follow).unwrap().bytes, still.bytes());
+
+    let times = builder.floats("SCALAR", 1, &[0.0]);
+    let moves = builder.floats("VEC3", 1, &[7.0, 0.0, 0.0]);
+    builder.document["animations"] = json!([{
+        "channels": [{"sampler": 0, "target": {"node": 0, "path": "translation"}}],
+        "samplers": [{"input": times, "output": moves}],
+    }]);
+    let glb = builder.read().unwrap();
+    let moved: Vec<Point> =
+        glb.mesh().vertices().iter().map(|p| p + Vector::repeat(0.25)).collect();
+    for positions in [&moved[..], glb.mesh().vertices()] {
+        let frame = write_frame(&[(&glb, positions)], Normals::Follow).unwrap().bytes;
+        assert_eq!(read(frame.clone()).unwrap().mesh().vertices(), positions);
+        let (mut before, after) = (document(glb.bytes()), document(&frame));
+        assert!(after.get("animations").is_none());
+        assert_eq!(after["nodes"], before["nodes"].take());
+    }
+    // Elsewhere they stay.
+    assert!(document(&written(&glb, &moved)).get("animations").is_some());
+}
+
+#[test]
 fn a_node_that_is_no_layer_is_refused() {
     let mut builder = Builder::new();
     builder.square(0.0, json!({"name": "left"}));

@@ -37,11 +37,36 @@ pub fn write_layers(
     normals: Normals,
     beside: Beside,
 ) -> Result<GltfFiles, WriteError> {
+    edited(layers, normals, beside, false)
+}
+
+/// As [`write_layers`] with embedded buffers and without the animations of the file, which would pose meshes
+/// that are posed already. Skins stay: in the pose of the nodes they show the positions.
+///
+/// # Errors
+///
+/// As [`write_layers`].
+pub fn write_frame(
+    layers: &[(&GltfMesh, &[Point])],
+    normals: Normals,
+) -> Result<GltfFiles, WriteError> {
+    edited(layers, normals, Beside::Embedded, true)
+}
+
+fn edited(
+    layers: &[(&GltfMesh, &[Point])],
+    normals: Normals,
+    beside: Beside,
+    is_frame: bool,
+) -> Result<GltfFiles, WriteError> {
     let Some(&(gltf, _)) = layers.first() else { return Err(WriteError::SeveralFiles) };
     if layers.iter().any(|(other, _)| !other.is_in_file_of(gltf)) {
         return Err(WriteError::SeveralFiles);
     }
     let mut edit = Edit::new(&gltf.source);
+    if is_frame {
+        edit.drop_animations()?;
+    }
     for (gltf, positions) in layers {
         gltf.mesh.check_positions(positions)?;
         let before = gltf.mesh.vertices();

@@ -11,6 +11,7 @@ pub struct ObjMesh {
     pub(super) mesh: TriMesh,
     pub(super) polygons: Option<Polygons>,
     pub(super) collapsed: Vec<u32>,
+    pub(super) objects: Vec<String>,
     pub(super) text: Vec<u8>,
     /// The three coordinates on each `v` line.
     pub(super) vertices: Vec<Span>,
@@ -58,6 +59,11 @@ impl ObjMesh {
     /// missing in the mesh; the lines are written again.
     pub fn collapsed(&self) -> &[u32] {
         &self.collapsed
+    }
+
+    /// Names of the objects (`o` lines) that have faces, each once. All are one mesh.
+    pub fn objects(&self) -> &[String] {
+        &self.objects
     }
 
     /// The file, byte for byte.

@@ -6,6 +6,7 @@ use super::words::Words;
 use crate::polygons::FaceList;
 use if_core::math::{Point, Vector};
 use rayon::prelude::*;
+use std::collections::HashSet;
 
 /// Minimum size of a part of a text that is read in parallel to others, in bytes: it takes about a
 /// millisecond.
@@ -18,6 +19,8 @@ pub(super) struct Parsed {
     pub(super) vertices: Vec<Span>,
     pub(super) normals: Vec<NormalLine>,
     pub(super) faces: FaceList,
+    /// Names of the objects (`o`) that have faces.
+    pub(super) objects: Vec<String>,
 }
 
 /// An `f` line: where its corners begin, and the numbers of vertices, texture coordinates and normals
@@ -35,6 +38,8 @@ struct Statements {
     normals: Vec<NormalLine>,
     textures: u32,
     faces: Vec<Face>,
+    /// Name of each `o` line, and the number of faces before it in the part.
+    objects: Vec<(String, usize)>,
 }
 
 /// The corners of the faces of a part.
@@ -59,10 +64,13 @@ fn parse_parts(mut parts: Vec<Words<'_>>) -> Result<Parsed, ReadError> {
     let mut parsed = Parsed::default();
     let mut faces = Vec::new();
     let mut counts = [0u32; 3];
+    let (mut objects, mut face_count) = (Vec::new(), 0);
     // All are read before the first error is returned, so that it is the first of the text.
     let read: Vec<_> = parts.par_iter_mut().map(statements).collect();
     for part in read {
         let mut part = part.map_err(|error| error.after(parsed.points.len()))?;
+        objects.extend(part.objects.into_iter().map(|(name, at)| (name, face_count + at)));
+        face_count += part.faces.len();
         faces.push((counts, part.faces));
         counts[0] += part.points.len() as u32;
         counts[1] += part.textures;
@@ -74,6 +82,7 @@ fn parse_parts(mut parts: Vec<Words<'_>>) -> Result<Parsed, ReadError> {
     if parsed.points.is_empty() {
         return Err(ReadError::NoVertices);
     }
+    parsed.objects = with_faces(objects, face_count);
     let parts = parts.par_iter_mut().zip(&faces);
     let read: Vec<_> = parts.map(|(words, faces)| corners(words, faces, &counts)).collect();
     for part in read {
@@ -96,6 +105,19 @@ fn parse_parts(mut parts: Vec<Words<'_>>) -> Result<Parsed, ReadError> {
         }
     }
     Ok(parsed)
+}
+
+/// The names of the objects that have faces, each once; `faces` is the number of faces of the text.
+fn with_faces(objects: Vec<(String, usize)>, faces: usize) -> Vec<String> {
+    let ends: Vec<usize> = objects.iter().skip(1).map(|o| o.1).chain([faces]).collect();
+    let mut names: Vec<String> = Vec::new();
+    let mut seen = HashSet::new();
+    for ((name, start), end) in objects.into_iter().zip(ends) {
+        if end > start && seen.insert(name.clone()) {
+            names.push(name);
+        }
+    }
+    names
 }
 
 /// The first pass over a part. An error counts vertices from the first of the part.
@@ -133,6 +155,7 @@ fn statements(words: &mut Words<'_>) -> Result<Statements, ReadError> {
                 words.skip_words();
             }
             // Their lines may be continued.
+            Some(b"o") => part.objects.push((words.rest_of_line(), part.faces.len())),
             Some(b"l" | b"p" | b"vp") => words.skip_words(),
             _ => {}
         }
@@ -205,9 +228,17 @@ mod tests {
     }
 
     #[test]
+    fn objects_are_those_with_faces() {
+        let text = "o empty\no the body \r\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\no jeans#2\nf 3 2 1\no\tlast\n";
+        assert_eq!(parse(text.as_bytes()).unwrap().objects, ["the body", "jeans#2"]);
+        let one = "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\no a\nf 1 2 3\no a\nf 1 2 3";
+        assert_eq!(parse(one.as_bytes()).unwrap().objects, ["a"]);
+    }
+
+    #[test]
     fn a_text_in_parts_gives_what_the_whole_gives() {
-        let good = "\u{feff}v 0 \\\n 0 0\r\n# C:\\\nv 1 0 0\nvt 0 0\nvn 0 0 1\nv 0 1 0 # C:\\\nv 0 0 1\nvt 1\n\
-            f 1 \\\r\n2\\\n 3\nf -4/-2/-1 -3//1 -2/2 -1\nvn 0 1 0\nl 1 2 \\\n3\nf 1//2 2//2 4//-1\nv 9 9 9";
+        let good = "\u{feff}o one\nv 0 \\\n 0 0\r\n# C:\\\nv 1 0 0\nvt 0 0\nvn 0 0 1\nv 0 1 0 # C:\\\nv 0 0 1\nvt 1\n\
+            f 1 \\\r\n2\\\n 3\nf -4/-2/-1 -3//1 -2/2 -1\no two 2\no\nvn 0 1 0\nl 1 2 \\\n3\nf 1//2 2//2 4//-1\nv 9 9 9";
         let faults = [
             "",
             "\nv 1 nan 0\nv inf 0 0",
@@ -225,7 +256,8 @@ mod tests {
             for text in [good.to_owned() + fault, fault.to_owned() + "\n" + good] {
                 let show = |parts: Vec<Words<'_>>| match parse_parts(parts) {
                     Ok(p) => {
-                        format!("{:?} {:?} {:?} {:?}", p.points, p.vertices, p.normals, p.faces)
+                        let Parsed { points, vertices, normals, faces, objects } = p;
+                        format!("{points:?} {vertices:?} {normals:?} {faces:?} {objects:?}")
                     }
                     Err(e) => e.to_string(),
                 };

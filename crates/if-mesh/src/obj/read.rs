@@ -39,12 +39,13 @@ fn zero(bytes: &[u8]) -> Option<u64> {
 }
 
 fn parsed(text: Vec<u8>) -> Result<ObjMesh, ReadError> {
-    let Parsed { points, vertices, normals, faces } = parse(&text)?;
+    let Parsed { points, vertices, normals, faces, objects } = parse(&text)?;
     let FaceList { triangles, polygons, collapsed } = faces;
     Ok(ObjMesh {
         mesh: TriMesh::from_parts(FinitePoints::new(points)?, triangles)?,
         polygons,
         collapsed,
+        objects,
         text,
         vertices,
         normals,

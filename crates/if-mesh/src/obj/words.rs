@@ -72,6 +72,12 @@ impl<'a> Words<'a> {
         }
     }
 
+    /// The text up to the end of the line, without spaces around it.
+    pub(super) fn rest_of_line(&self) -> String {
+        let line = self.text[self.at..self.line_end()].trim_ascii();
+        String::from_utf8_lossy(line).into_owned()
+    }
+
     pub(super) fn skip_line(&mut self) {
         self.at = self.line_end();
     }

@@ -30,6 +30,11 @@ pub(super) fn of(files: &OutfitFiles) -> Vec<String> {
 
 fn of_file(file: &MeshFile) -> Vec<String> {
     let mut notes = Vec::new();
+    if let Content::Obj(obj) = file.content()
+        && let [_, _, ..] = obj.objects()
+    {
+        notes.push(of_objects(obj.objects()));
+    }
     if let [first, ..] = file.collapsed_faces() {
         let n = file.collapsed_faces().len();
         notes.push(format!(
@@ -51,4 +56,19 @@ fn of_file(file: &MeshFile) -> Vec<String> {
         ));
     }
     notes
+}
+
+/// Objects that a note lists.
+const LISTED: usize = 6;
+
+/// A note on a file of several objects: a whole scene may have been exported in place of a garment.
+fn of_objects(objects: &[String]) -> String {
+    let names: Vec<String> = objects.iter().take(LISTED).map(|name| format!("`{name}`")).collect();
+    let more = if objects.len() > LISTED { ", ..." } else { "" };
+    format!(
+        "the file has {} objects ({}{more}), which are one layer here; if they are not all parts of it, export \
+         each layer alone (in Blender: Selected Only)",
+        objects.len(),
+        names.join(", ")
+    )
 }
