@@ -117,7 +117,7 @@ mod tests {
         let ellipsoid = |middle: [Real; 3], half: [Real; 3]| {
             let ball = icosphere(1.0, 1);
             let put = |p: &Point| {
-                Point::from(p.coords.component_mul(&half.into())) + Vector::from(middle)
+                Point::from(p.coords.component_mul(&Vector::from(half))) + Vector::from(middle)
             };
             ball.with_vertices(ball.vertices().iter().map(put).collect()).unwrap()
         };
