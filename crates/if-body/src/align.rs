@@ -17,7 +17,7 @@
 //! The skinning weights keep a sleeve with its arm where the arm is close to the trunk.
 //!
 //! Between two limbs the nearest sites are those of one and then of the other. What that stretches is
-//! then [relaxed](relax).
+//! relaxed: cloth is as rigid as possible there, and held where the body is near ([`AlignParams::hold`]).
 //!
 //! The sites come from one [`Method`] of three: the vertices of two bodies with the same topology,
 //! else a registration of one surface onto the other, else one similarity for all points.
