@@ -4,8 +4,7 @@ use super::{AlignError, BodyShape};
 use crate::skeleton::{Joint, SHORT};
 use if_core::aabb::Aabb;
 use if_core::math::{Point, Real, Vector};
-use nalgebra::{Matrix3, Rotation3, UnitQuaternion};
-use std::f64::consts::FRAC_PI_2;
+use nalgebra::{Matrix3, Rotation3};
 
 /// A similarity: y = s R (x − a) + b.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -18,10 +17,6 @@ pub(super) struct Similarity {
 
 /// Least number of common joints to estimate a rotation.
 const LEAST_JOINTS: usize = 3;
-
-/// Angle in radians from a quarter turn up to which a heading may be that of limbs alone: a stride or a raised
-/// arm turns all joints together by 10°.
-const ASIDE: Real = 0.26;
 
 impl Similarity {
     /// The least-squares similarity between the joints that have the same names on both bodies;
@@ -48,16 +43,6 @@ impl Similarity {
         }
         let foot = |aabb: &Aabb| Point::new(aabb.center().x, aabb.min.y, aabb.center().z);
         Ok(Self { rotation: Rotation3::identity(), scale, from: foot(&a), to: foot(&b) })
-    }
-
-    /// The turn about y from the side that one body faces to that of the other; the nearest quarter turn if that is
-    /// within [`ASIDE`].
-    fn facing(&self) -> Rotation3<Real> {
-        let r = self.rotation.matrix();
-        let heading = (r[(0, 2)] - r[(2, 0)]).atan2(r[(0, 0)] + r[(2, 2)]);
-        let quarter = (heading / FRAC_PI_2).round() * FRAC_PI_2;
-        let is_near = (heading - quarter).abs() <= ASIDE;
-        Rotation3::from_axis_angle(&Vector::y_axis(), if is_near { quarter } else { heading })
     }
 
     /// The image of a point.
@@ -127,8 +112,6 @@ pub(super) fn start(from: &BodyShape, to: &BodyShape, similarity: &Similarity) -
     let (Some(a), Some(b), Some(skin)) = (from.skeleton, to.skeleton, from.skin) else {
         return all();
     };
-    // The shortest way is from where the bodies face alike.
-    let facing = similarity.facing();
     let bone = |k: usize| {
         let j = &a.joints()[k];
         let twin = b.joints().iter().find(|t| t.name == j.name)?;
@@ -137,8 +120,7 @@ pub(super) fn start(from: &BodyShape, to: &BodyShape, similarity: &Similarity) -
         if u.norm().min(v.norm()) < SHORT {
             return None;
         }
-        let rotation =
-            UnitQuaternion::rotation_between(&(facing * u), &v)?.to_rotation_matrix() * facing;
+        let rotation = Rotation3::rotation_between(&u, &v)?;
         // The geometric mean: bones differ more in length than limbs do in girth.
         Some(Similarity {
             rotation,
