@@ -283,8 +283,7 @@ fn sites(from: &TriMesh, to: &[Point], skin: Option<&SkinWeights>) -> Kind {
     let neighbours = neighbours(to.len(), &Edges::new(sewn).vertices);
     let scale = scale(sewn, &to);
     let map = |((from, to), turn): ((&Point, &Point), UnitQuaternion<Real>)| {
-        let linear = turn.to_rotation_matrix().into_inner() * scale;
-        Affine { linear, offset: to.coords - linear * from.coords }
+        Affine::through(turn.to_rotation_matrix().into_inner() * scale, from, to)
     };
     let turns = turns(sewn, &neighbours, &to);
     let maps = sewn.vertices().iter().zip(&to).zip(turns).map(map).collect();

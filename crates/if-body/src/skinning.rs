@@ -42,6 +42,11 @@ impl Affine {
         one
     }
 
+    /// The map with this linear part that takes `from` to `to`.
+    pub(crate) fn through(linear: Matrix3<Real>, from: &Point, to: &Point) -> Self {
+        Self { linear, offset: to.coords - linear * from.coords }
+    }
+
     fn add(&mut self, weight: Real, transform: &Isometry3<Real>) {
         self.linear += transform.rotation.to_rotation_matrix().into_inner() * weight;
         self.offset += transform.translation.vector * weight;

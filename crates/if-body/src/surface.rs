@@ -76,8 +76,7 @@ impl BodySurface {
         assert_eq!(positions.len(), turns.len(), "one turn for each position");
         let places = self.rest.vertices().iter().zip(positions);
         let map = |((rest, to), turn): ((&Point, &Point), &UnitQuaternion<Real>)| {
-            let linear = turn.to_rotation_matrix().into_inner();
-            Affine { linear, offset: to.coords - linear * rest.coords }
+            Affine::through(turn.to_rotation_matrix().into_inner(), rest, to)
         };
         places.zip(turns).map(map).collect()
     }

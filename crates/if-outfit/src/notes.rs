@@ -33,8 +33,6 @@ fn of_orientation(outfit: &Outfit) -> Option<String> {
 }
 
 /// Share of a garment's box in the body's, grown by [`APART`], below which the garment lies beside the body.
-///
-/// Of garments of a person in place it is 0.5 and more. At three times more a wide skirt may be beside it.
 const BESIDE: Real = 0.3;
 /// Share of a box that is turned by 90° about x, above which the garment is in place then.
 const IN_PLACE: Real = 0.9;

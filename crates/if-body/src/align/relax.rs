@@ -28,7 +28,7 @@ use if_sparse::{Cholesky, Entry, Mat};
 use nalgebra::Matrix3;
 use rayon::prelude::*;
 
-/// Largest number of rounds. After ten, those that follow move a coat by less than a millimetre each.
+/// Largest number of rounds.
 const ROUNDS: usize = 10;
 /// Largest movement in a round after which there is no further one, in metres.
 const DONE: Real = 0.1e-3;
