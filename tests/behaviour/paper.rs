@@ -8,7 +8,7 @@ use if_core::shapes::Sphere;
 use if_core::shapes::meshes::{icosphere, tube};
 use if_outfit::report::LayerField;
 use if_outfit::resolve::{EffortParams, Method, ResolveError, ResolveParams, Resolved, resolve};
-use if_outfit::{Layer, Outfit, resolve_on_fields, verify};
+use if_outfit::{Layer, Outfit, PaperParams, resolve_on_fields, verify};
 use std::ops::ControlFlow;
 
 fn paper() -> ResolveParams {
@@ -103,6 +103,44 @@ fn algorithm_1_takes_any_clearance_and_any_size() {
     let found = resolve(&outfit, &paper(), &mut Silent).unwrap();
     assert!(found.report.layers[1].algorithm1.is_some());
     assert!(verify(&found.outfit).unwrap().is_clean());
+}
+
+#[test]
+fn algorithm_1_has_the_parameters_that_are_asked_for() {
+    // To one side, so that there is air between the garments on the other.
+    let mut aside = outfit();
+    let wide = &mut aside.garments[1].mesh;
+    *wide = moved(wide, |p| Point::new(p.x + 4e-3, p.y, p.z));
+    let settled = |paper_params: PaperParams| {
+        let params = ResolveParams { paper: paper_params, ..paper() };
+        let found = resolve(&aside, &params, &mut Silent).unwrap();
+        let report = found.report.layers[1].algorithm1.clone().unwrap();
+        (found.outfit.garments[1].mesh.vertices().to_vec(), report)
+    };
+    let default = PaperParams::default();
+    let by_default = settled(default.clone());
+    let one_step = settled(PaperParams { steps: 1, ..default.clone() });
+    assert!(one_step.1.steps == 1 && by_default.1.steps > 1);
+    for other in [
+        PaperParams { time_step: 0.1 * default.time_step, ..default.clone() },
+        PaperParams { substeps: 2, ..default.clone() },
+        PaperParams { compliance: 1e3 * default.compliance, ..default.clone() },
+        PaperParams { friction: 0.5, ..default.clone() },
+        PaperParams { air_distance: 0.0, ..default.clone() },
+        PaperParams { air_gap: 0.2 * default.air_gap, ..default.clone() },
+    ] {
+        assert_ne!(settled(other.clone()).0, by_default.0, "{other:?}");
+    }
+}
+
+#[test]
+fn parameters_of_algorithm_1_are_checked() {
+    for (name, value) in
+        [("steps", 0), ("substeps", 0), ("time_step", 0), ("friction", -1), ("air_gap", 0)]
+    {
+        let error = paper().with(name, &value).unwrap().validate().unwrap_err();
+        assert!(error.to_string().starts_with(&format!("parameter `paper.{name}` is ")), "{error}");
+    }
 }
 
 #[test]

@@ -12,6 +12,7 @@
 
 use crate::layer_fields::{FieldOfGarment, Nearest};
 use crate::outfit::Layer;
+use crate::params::ResolveParams;
 use crate::progress::{ALGORITHM_1, GarmentProgress};
 use crate::report::{Algorithm1Report, LayerField};
 use crate::workpiece::SettleError;
@@ -21,11 +22,9 @@ use if_core::mesh::TriMesh;
 use if_core::monitor::Monitor;
 use if_mesh::baked::{BakeError, Baked};
 use if_mesh::solid::{ClosedLayer, ClothedField};
-use if_xpbd::air::AirParams;
 use if_xpbd::algorithm1::{Algorithm1Error, Below, run_algorithm1};
 use if_xpbd::constraint::Counters;
 use if_xpbd::inner_surface::InnerSurface;
-use if_xpbd::params::SolverParams;
 use if_xpbd::report::RunError;
 
 /// Cells of the baked field, in metres; larger where the garment's box has more than 1 m³.
@@ -37,8 +36,8 @@ const COARSER: Real = 1.25;
 /// How far beyond the garment's box the field is baked, in metres: no vertex is pushed further.
 const AROUND: Real = 0.03;
 
-/// The positions of `garment` settled on the layers `below`, the body first, at least `clearance`
-/// metres from them where the mask binds. `fields` has those of garments, inner to outer, if they
+/// The positions of `garment` settled on the layers `below`, the body first, at least the
+/// clearance from them where the mask binds. `fields` has those of garments, inner to outer, if they
 /// come with any.
 ///
 /// # Source
@@ -52,7 +51,7 @@ pub(crate) fn settled(
     garment: &Layer,
     below: &[&ClosedLayer],
     fields: &[FieldOfGarment<'_>],
-    clearance: Real,
+    params: &ResolveParams,
     progress: &mut GarmentProgress<'_>,
 ) -> Result<(Vec<Point>, Algorithm1Report), SettleError> {
     let _phase = tracing::trace_span!("algorithm 1").entered();
@@ -74,7 +73,7 @@ pub(crate) fn settled(
     let Some((next, _)) = below[1..].split_last() else {
         let mask = vec![1.0; mesh.vertices().len()];
         let below = Below { field: &field, mask: &mask, air: None };
-        return run(mesh, &below, read, clearance, progress);
+        return run(mesh, &below, read, params, progress);
     };
     let field = Nearest { meshes: field, fields: of_fields };
     let boxes = BoxesMask::new(below[1..].iter().map(|layer| layer.bvh().aabb()));
@@ -82,11 +81,10 @@ pub(crate) fn settled(
     let weights: Vec<Real> = mesh.vertices().iter().map(|p| Real::from(boxes.binds(p))).collect();
     let surface = next.to_mesh();
     let inner = InnerSurface::new(&surface, next.bvh());
-    let default = AirParams::default();
-    let air = AirParams { min_gap: clearance, max_gap: default.max_gap.max(clearance), ..default };
+    let air = params.paper.air(params.goal.clearance).map(|air| (&inner, air));
     let masked = Masked { field, mask: boxes };
-    let below = Below { field: &masked, mask: &weights, air: Some((&inner, air)) };
-    run(mesh, &below, read, clearance, progress)
+    let below = Below { field: &masked, mask: &weights, air };
+    run(mesh, &below, read, params, progress)
 }
 
 /// The union of `below` round the garment.
@@ -113,10 +111,10 @@ fn run(
     garment: &TriMesh,
     below: &Below<'_>,
     read: Vec<LayerField>,
-    clearance: Real,
+    params: &ResolveParams,
     progress: &mut GarmentProgress<'_>,
 ) -> Result<(Vec<Point>, Algorithm1Report), SettleError> {
-    let params = SolverParams { clearance, ..SolverParams::default() };
+    let params = params.paper.solver(params.goal.clearance);
     match run_algorithm1(garment, below, &params, progress.monitor) {
         Ok((positions, report)) => {
             let Counters { queries, skipped_by_bound, skipped_by_mask, .. } = report.counters;

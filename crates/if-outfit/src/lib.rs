@@ -67,7 +67,8 @@ pub use obstacle::Obstacle;
 pub use order::{OrderProposal, propose_order};
 pub use outfit::{Layer, Outfit, OutfitError};
 pub use params::{
-    ClothParams, EffortParams, GoalParams, Method, Own, Pinch, ResolveParams, Split, Tuck,
+    ClothParams, EffortParams, GoalParams, Method, Own, PaperParams, Pinch, ResolveParams, Split,
+    Tuck,
 };
 pub use prepared_body::PreparedBody;
 pub use report::{ResolveReport, Verification};

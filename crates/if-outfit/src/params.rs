@@ -1,8 +1,10 @@
-//! Parameters of [`resolve`](crate::resolve::resolve), in three groups: what the user wants, how
-//! hard the program tries, and how cloth behaves.
+//! Parameters of [`resolve`](crate::resolve::resolve), in four groups: what the user wants, how
+//! hard the program tries, how cloth behaves, and the paper's method.
 
 use if_core::math::Real;
 use if_core::parameter::ParameterError;
+use if_xpbd::air::AirParams;
+use if_xpbd::params::SolverParams;
 use serde::{Deserialize, Serialize};
 
 /// Parameters of [`resolve`](crate::resolve::resolve). No field name stands in two groups, so that
@@ -16,6 +18,8 @@ pub struct ResolveParams {
     pub effort: EffortParams,
     /// How garments behave.
     pub cloth: ClothParams,
+    /// Algorithm 1, which [`Method::Paper`] runs.
+    pub paper: PaperParams,
 }
 
 /// What the result should be.
@@ -110,6 +114,29 @@ pub struct ClothParams {
     pub fold_distance: Real,
 }
 
+/// Algorithm 1 of the supplement, as [`Method::Paper`] runs it; nothing else reads these. Its gap δ is
+/// [`GoalParams::clearance`].
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct PaperParams {
+    /// Δt, in seconds.
+    pub time_step: Real,
+    /// numSubSteps: substeps of a time step.
+    pub substeps: u32,
+    /// Maximum number of time steps of a garment. It stops before, once no vertex moves by more than 10 µm in
+    /// one.
+    pub steps: u32,
+    /// β of the stretch constraint, in m/N.
+    pub compliance: Real,
+    /// Coulomb coefficient of friction of collisions.
+    pub friction: Real,
+    /// Vertices within this distance of the garment below keep a gap of air, in metres; 0 for no air
+    /// constraint.
+    pub air_distance: Real,
+    /// The largest gap of air that is preserved, in metres; at least the clearance.
+    pub air_gap: Real,
+}
+
 impl Default for GoalParams {
     fn default() -> Self {
         Self {
@@ -163,6 +190,22 @@ impl Default for ClothParams {
     }
 }
 
+impl Default for PaperParams {
+    /// Those of [`SolverParams`] and [`AirParams`].
+    fn default() -> Self {
+        let (solver, air) = (SolverParams::default(), AirParams::default());
+        Self {
+            time_step: solver.time_step,
+            substeps: solver.substeps,
+            steps: solver.steps,
+            compliance: solver.compliance,
+            friction: solver.friction,
+            air_distance: air.max_distance,
+            air_gap: air.max_gap,
+        }
+    }
+}
+
 impl ResolveParams {
     /// Checks that every parameter is in its range.
     ///
@@ -172,7 +215,8 @@ impl ResolveParams {
     pub fn validate(&self) -> Result<(), ParameterError> {
         self.goal.validate().map_err(|e| e.within("goal"))?;
         self.effort.validate().map_err(|e| e.within("effort"))?;
-        self.cloth.validate().map_err(|e| e.within("cloth"))
+        self.cloth.validate().map_err(|e| e.within("cloth"))?;
+        self.paper.validate().map_err(|e| e.within("paper"))
     }
 }
 
@@ -220,6 +264,30 @@ impl ClothParams {
         compliance("anchor_compliance", self.anchor_compliance)?;
         share("strain_limit", self.strain_limit)?;
         length("fold_distance", self.fold_distance)
+    }
+}
+
+impl PaperParams {
+    /// The parameters of the solver, with a gap of `clearance` metres.
+    pub(crate) fn solver(&self, clearance: Real) -> SolverParams {
+        let Self { time_step, substeps, steps, compliance, friction, .. } = *self;
+        let default = SolverParams::default();
+        SolverParams { time_step, substeps, steps, compliance, friction, clearance, ..default }
+    }
+
+    /// The parameters of the air constraint, if there is one, with a least gap of `clearance` metres.
+    pub(crate) fn air(&self, clearance: Real) -> Option<AirParams> {
+        let (max_distance, max_gap) = (self.air_distance, self.air_gap.max(clearance));
+        let air = AirParams { max_distance, min_gap: clearance, max_gap, ..AirParams::default() };
+        (max_distance > 0.0).then_some(air)
+    }
+
+    fn validate(&self) -> Result<(), ParameterError> {
+        check("steps", self.steps.into(), (1..=10_000).contains(&self.steps), "from 1 to 10,000")?;
+        let air = self.air_distance;
+        check("air_distance", air, (0.0..=10.0).contains(&air), "from 0 (no air) to 10 m")?;
+        length("air_gap", self.air_gap)?;
+        self.solver(GoalParams::default().clearance).validate()
     }
 }
 

@@ -23,7 +23,8 @@ use std::time::Instant;
 use tracing::trace_span;
 
 pub use crate::params::{
-    ClothParams, EffortParams, GoalParams, Method, Own, Pinch, ResolveParams, Split, Tuck,
+    ClothParams, EffortParams, GoalParams, Method, Own, PaperParams, Pinch, ResolveParams, Split,
+    Tuck,
 };
 
 /// An outfit free of intersections, and what it took.

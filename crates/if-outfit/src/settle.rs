@@ -261,8 +261,7 @@ fn settle_once(
         }
     }
     if begin.is_none() && params.effort.method == Method::Paper {
-        let clearance = params.goal.clearance;
-        let (positions, report) = algorithm1::settled(garment, below, fields, clearance, progress)?;
+        let (positions, report) = algorithm1::settled(garment, below, fields, params, progress)?;
         begin = Some(positions);
         algorithm1 = Some(report);
     }
