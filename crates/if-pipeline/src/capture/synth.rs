@@ -10,6 +10,7 @@ mod shape;
 pub use shape::ShapeNoise;
 
 use super::{CaptureError, CaptureWriter, FramePictures, PoseSigma, Subject, write_poses};
+use crate::build::BUILD;
 use estimator::{estimated, mistaken};
 use if_body::TemplateError;
 use if_body::mannequin::{Garment, MannequinParams, rig};
@@ -152,6 +153,7 @@ pub const BODY: &str = "body";
 /// The subfolder with the true body and garments, with skinning weights, for evaluation. If clothes
 /// have their own motion, it also has all layers posed in each frame, with labels: `frame_NNNN.ply`;
 /// if poses have errors, the true ones: `poses.json`; if the template has, the true one: `template`.
+/// `synth.json` has the build and the [`SynthParams`], which make the same capture again.
 pub const TRUTH: &str = "truth";
 
 /// Renders the capture into `folder`, which must not exist.
@@ -201,6 +203,10 @@ pub fn synth(
             .map_err(|source| CaptureError::Io { path, source })
     };
     let (body, truth) = (make(BODY)?, make(TRUTH)?);
+    let path = truth.join("synth.json");
+    let made_by = serde_json::json!({ "build": BUILD, "params": params });
+    std::fs::write(&path, format!("{made_by:#}\n"))
+        .map_err(|source| CaptureError::Io { path, source })?;
     let waves = Waves::new(params.nonrigid, params.seed);
     let poses: Vec<_> =
         (0..params.frames).map(|frame| rig::turning_pose(frame, params.frames)).collect();
@@ -284,7 +290,10 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let (a, b) = (folder.path().join("a"), folder.path().join("b"));
         let report = synth(&small(0.3), &a, &mut Silent).unwrap();
-        assert_eq!(report, synth(&small(0.3), &b, &mut Silent).unwrap());
+        let made_by = std::fs::read(a.join(TRUTH).join("synth.json")).unwrap();
+        let made_by: serde_json::Value = serde_json::from_slice(&made_by).unwrap();
+        let recorded = SynthParams::deserialize(&made_by["params"]).unwrap();
+        assert_eq!(report, synth(&recorded, &b, &mut Silent).unwrap());
         let capture = Capture::open(&a).unwrap();
         assert_eq!(capture.garments(), ["trousers", "jacket"], "inner to outer");
         let template = TemplateBody::read(&a.join(BODY)).unwrap();
