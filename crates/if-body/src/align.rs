@@ -28,6 +28,7 @@
 //! paper aligns garments of several videos, but does not describe how.
 
 mod field;
+mod heading;
 mod measure;
 mod params;
 mod register;
@@ -141,6 +142,7 @@ impl BodyMap {
                 return Ok(map(kind, Method::Topology, 0.0));
             }
         }
+        let similarity = similarity.faced(from, to);
         let start = similarity::start(from, to, &similarity);
         let registered = register::register(from.mesh, to.mesh, start);
         if registered.is_good(&params, to.mesh) {
@@ -165,7 +167,7 @@ impl BodyMap {
         params.validate()?;
         check_body(from, "source")?;
         check_body(to, "target")?;
-        let similarity = Similarity::between(from, to)?;
+        let similarity = Similarity::between(from, to)?.faced(from, to);
         let residual =
             register::residual(from.mesh.vertices().iter().map(|p| similarity.point(p)), to.mesh);
         let most_turned = similarity::most_turned(from, to, &similarity);

@@ -1,9 +1,10 @@
 //! Similarities between bodies, and the bone-wise start of a registration.
 
-use super::{AlignError, BodyShape};
+use super::{AlignError, BodyShape, heading};
 use crate::skeleton::{Joint, SHORT};
 use if_core::aabb::Aabb;
 use if_core::math::{Point, Real, Vector};
+use if_core::mesh::TriMesh;
 use nalgebra::{Matrix3, Rotation3};
 
 /// A similarity: y = s R (x − a) + b.
@@ -41,8 +42,29 @@ impl Similarity {
         if let Some(fit) = umeyama(&pairs) {
             return Ok(fit);
         }
+        Ok(Self::standing(from.mesh, to.mesh, Rotation3::identity(), scale))
+    }
+
+    /// Where joints tell no rotation, that with the heading of the [surfaces](heading::of_surfaces).
+    pub(super) fn faced(self, from: &BodyShape, to: &BodyShape) -> Self {
+        if umeyama(&same_joints(from, to)).is_some() {
+            return self;
+        }
+        let heading = heading::of_surfaces(from.mesh, to.mesh, self.scale);
+        Self::standing(from.mesh, to.mesh, heading, self.scale)
+    }
+
+    /// The similarity of this rotation about the vertical and scale that matches ground and centre.
+    pub(super) fn standing(
+        from: &TriMesh,
+        to: &TriMesh,
+        rotation: Rotation3<Real>,
+        scale: Real,
+    ) -> Self {
         let foot = |aabb: &Aabb| Point::new(aabb.center().x, aabb.min.y, aabb.center().z);
-        Ok(Self { rotation: Rotation3::identity(), scale, from: foot(&a), to: foot(&b) })
+        let turned: Vec<Point> = from.vertices().iter().map(|p| rotation * p).collect();
+        let foot_of_turned = foot(&Aabb::from_points(&turned));
+        Self { rotation, scale, from: rotation.inverse() * foot_of_turned, to: foot(&to.aabb()) }
     }
 
     /// The image of a point.
@@ -112,15 +134,16 @@ pub(super) fn start(from: &BodyShape, to: &BodyShape, similarity: &Similarity) -
     let (Some(a), Some(b), Some(skin)) = (from.skeleton, to.skeleton, from.skin) else {
         return all();
     };
+    let facing = heading::of_trunk(&same_joints(from, to), to.mesh, similarity.scale);
     let bone = |k: usize| {
         let j = &a.joints()[k];
         let twin = b.joints().iter().find(|t| t.name == j.name)?;
-        let (u, v) = (j.tail - j.head, twin.tail - twin.head);
+        let (u, v) = (facing * (j.tail - j.head), twin.tail - twin.head);
         // Rigs without tails have bones of no length, which show neither direction nor scale.
         if u.norm().min(v.norm()) < SHORT {
             return None;
         }
-        let rotation = Rotation3::rotation_between(&u, &v)?;
+        let rotation = Rotation3::rotation_between(&u, &v)? * facing;
         // The geometric mean: bones differ more in length than limbs do in girth.
         Some(Similarity {
             rotation,

@@ -172,6 +172,40 @@ fn a_bone_of_no_length_moves_as_the_body_does() {
 }
 
 #[test]
+fn a_body_of_another_topology_that_faces_another_way_is_registered() {
+    use crate::mannequin::rig;
+    let from = body(&COARSE);
+    let (skin, skeleton) = (rig::skin_weights(from.vertices()), rig::skeleton());
+    let mesh = garment(Garment::Tshirt, &COARSE);
+    let map = |degrees: Real, has_bones: bool| {
+        let all = nalgebra::Rotation3::from_axis_angle(&Vector::y_axis(), degrees.to_radians());
+        let there = |p: &Point| all * grown(p);
+        let to = body(&MannequinParams { resolution: 0.9, ..COARSE });
+        let to = to.with_vertices(to.vertices().iter().map(there).collect()).unwrap();
+        let turned = |j: &crate::Joint| crate::Joint {
+            head: there(&j.head),
+            tail: there(&j.tail),
+            ..j.clone()
+        };
+        let other = crate::Skeleton::new(skeleton.joints().iter().map(turned).collect()).unwrap();
+        let bones = |skeleton| has_bones.then_some(skeleton);
+        let from = BodyShape { skin: Some(&skin), skeleton: bones(&skeleton), ..shape(&from) };
+        let to = BodyShape { skeleton: bones(&other), ..shape(&to) };
+        let map = BodyMap::new(&from, &to, &AlignParams::default()).unwrap();
+        assert_eq!(map.method(), Method::Registered, "{degrees}");
+        let truth: Vec<Point> = mesh.vertices().iter().map(there).collect();
+        displacement(&truth, map.align(&mesh, None).unwrap().vertices()).mean
+    };
+    for has_bones in [true, false] {
+        let alike = map(0.0, has_bones);
+        for degrees in [5.0, -60.0, 90.0, 180.0] {
+            let off = map(degrees, has_bones);
+            assert!(off < 1.01 * alike, "{degrees} {has_bones}: {off} {alike}");
+        }
+    }
+}
+
+#[test]
 fn the_bone_that_is_turned_the_most_tells_another_pose() {
     use crate::mannequin::rig;
     use nalgebra::{Rotation3, Unit};
