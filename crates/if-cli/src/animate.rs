@@ -39,7 +39,7 @@ use if_pipeline::animate::{
     follow_part,
 };
 use miette::{IntoDiagnostic, Report};
-use serde_json::json;
+use serde_json::{Value, json};
 use std::fs::File;
 use std::io::{self, BufWriter};
 use std::ops::Range;
@@ -243,8 +243,8 @@ pub(crate) fn animated(spec: &OutfitSpec, args: &Options) -> Result<End, Report>
             folders,
         )?);
     }
-    let misplaced = moved.misplaced_skeleton();
-    let report = json!({
+    let noticed = moved.noticed();
+    let mut report = json!({
         "outfit": spec.name,
         "motion": args.source.motion.display().to_string(),
         "every": args.source.every,
@@ -252,20 +252,15 @@ pub(crate) fn animated(spec: &OutfitSpec, args: &Options) -> Result<End, Report>
         "tool": receipt::tool(),
         "request": animation.frames.request(),
         "params": params,
-        "weights_from_body": moved.without_weights(),
-        "weights_left_out": summary::left_out(moved.left_out()),
-        "joints_not_in_motion": moved.unmatched(),
-        "joints_of_motion_left_over": moved.left_over(),
-        "limbs_not_moved": moved.still(),
-        "moved_to_origin": moved.moved_to_origin(),
-        "rest_frame": moved.rest_frame(),
-        "skeleton_from_skin": misplaced,
         "outputs": names,
         "report": animation.report,
         "between_frames": between,
         "between_seconds": between_seconds,
         "meshes_less_clean": rounded,
     });
+    if let (Value::Object(report), Value::Object(noticed)) = (&mut report, json!(noticed)) {
+        report.extend(noticed);
+    }
     let text = serde_json::to_string_pretty(&report).into_diagnostic()? + "\n";
     std::fs::write(staging.path(REPORT), text)
         .map_err(|source| OutputError::File { path: args.out.join(REPORT), source })?;
@@ -276,19 +271,9 @@ pub(crate) fn animated(spec: &OutfitSpec, args: &Options) -> Result<End, Report>
     if args.json {
         print_json(&report)?;
     } else {
-        let notes = summary::Notes {
-            without_weights: moved.without_weights(),
-            left_out: moved.left_out(),
-            unmatched: moved.unmatched(),
-            left_over: moved.left_over(),
-            still: moved.still(),
-            moved_to_origin: moved.moved_to_origin(),
-            rest_frame: moved.rest_frame(),
-            misplaced,
-        };
         let head = spec.title();
         let found = (&animation.report, between.as_deref().zip(between_seconds));
-        print(&format!("{head}\n\n{}", summary::text(found, notes, &args.out, &names)))?;
+        print(&format!("{head}\n\n{}", summary::text(found, &noticed, &args.out, &names)))?;
     }
     if is_cancelled {
         errors::note("cancelled; the ways between frames were not examined, and nothing is drawn");

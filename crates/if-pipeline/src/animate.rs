@@ -19,6 +19,7 @@ mod local;
 mod measure;
 mod movement;
 mod moving_outfit;
+mod noticed;
 mod outfit;
 mod parts;
 mod report;
@@ -38,6 +39,7 @@ pub use frames::Frames;
 pub use if_outfit::report::{PinchReport, PinchedGarment};
 pub use movement::Movement;
 pub use moving_outfit::MovingOutfit;
+pub use noticed::{Noticed, WeightsLeftOut};
 pub use outfit::{SkinFault, SkinnedOutfit};
 pub use report::{AnimationReport, FrameReport, NamedPair, NamedVertex, Spread};
 

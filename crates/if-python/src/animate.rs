@@ -60,13 +60,9 @@ enum Skin {
     File(PathBuf),
 }
 
-/// Joints that the motion lacks, how far the skeleton lies from the body, if it may be another one's, and
-/// the frame that stands for the rest pose of the motion.
-type Noticed = (Vec<String>, Option<f64>, Option<usize>);
-
-/// Report as JSON, names of layers whose weights were taken from the body, what was noticed, and positions
-/// of each layer, the body first: shape (frames, vertices, 3).
-type Animated<'py> = (String, Vec<String>, Noticed, Vec<Bound<'py, PyArray3<f32>>>);
+/// Report as JSON, what was noticed of the files, as JSON and as notes, and positions of each layer, the body
+/// first: shape (frames, vertices, 3).
+type Animated<'py> = (String, String, Vec<String>, Vec<Bound<'py, PyArray3<f32>>>);
 
 /// The class of an exception in `ifgarments.errors`, and its message.
 type Failure = (&'static str, String);
@@ -154,19 +150,21 @@ pub(crate) fn animate<'py>(
                 flat.extend(layer.iter().flat_map(|p| p.iter()).map(|x| *x as f32));
             }
         }
-        Ok((done.report, noticed(&moved), counts, positions, done.frames.len()))
+        Ok((done.report, moved.noticed(), counts, positions, done.frames.len()))
     });
     if let (Err(_), Some(temporary)) = (&found, temporary) {
         // The process may end before the work does.
         let _ = std::fs::remove_dir_all(temporary); // What the work writes meanwhile, it removes.
     }
-    let (report, (without, noticed), counts, positions, frames) =
+    let (report, noticed, counts, positions, frames) =
         found?.map_err(|(class, message): Failure| exception(py, class, message))?;
     let arrays = counts.into_iter().zip(positions);
     let arrays =
         arrays.map(|(count, flat)| PyArray1::from_vec(py, flat).reshape([frames, count, 3]));
     let report = serde_json::to_string(&report).map_err(no_json)?;
-    Ok((report, without, noticed, arrays.collect::<PyResult<_>>()?))
+    let notes = noticed.notes();
+    let noticed = serde_json::to_string(&noticed).map_err(no_json)?;
+    Ok((report, noticed, notes, arrays.collect::<PyResult<_>>()?))
 }
 
 impl Skin {
@@ -215,12 +213,6 @@ impl Moving {
         let bound = BoundOutfit::new(outfit, sequence);
         Ok(MovingOutfit::Bodies(Box::new(bound.map_err(|e| failed(&AnimateError::from(e)))?)))
     }
-}
-
-/// Garments whose weights were taken from the body, and what else was noticed.
-fn noticed(moved: &MovingOutfit) -> (Vec<String>, Noticed) {
-    let (unmatched, misplaced) = (moved.unmatched().to_vec(), moved.misplaced_skeleton());
-    (moved.without_weights().to_vec(), (unmatched, misplaced, moved.rest_frame()))
 }
 
 /// Rows of four.

@@ -91,8 +91,9 @@ def test_every_frame_is_clean_and_follows_the_motion(outfit, tmp_path):
     body, layers, weights = outfit
     seen = []
     done = moved(outfit, progress=seen.append)
-    assert done.is_clean and done.weights_from_body == ["belt", "shirt"]
-    assert done.joints_not_in_motion == [] and done.skeleton_from_skin is None
+    assert done.is_clean and done.notes == ["Weights taken from the body: belt, shirt"]
+    assert done.noticed["weights_from_body"] == ["belt", "shirt"]
+    assert done.noticed["joints_not_in_motion"] == [] and done.noticed["skeleton_from_skin"] is None
     assert list(done.layers) == ["belt", "shirt"]
     assert done.body.shape == (3, len(body[0]), 3) and done.body.dtype == np.float32
     assert {p.stage for p in seen} >= {"frame"}
@@ -121,7 +122,7 @@ def test_a_gltf_file_gives_skeleton_and_weights(outfit, tmp_path):
     skinned(path, body, *weights["body"])
     found = moved((body, layers, {"body": path}), skeleton=path)
     expected = moved(outfit)
-    assert found.is_clean and found.weights_from_body == ["belt", "shirt"]
+    assert found.is_clean and found.noticed["weights_from_body"] == ["belt", "shirt"]
     assert np.abs(found.body - expected.body).max() < 1e-6
     assert np.abs(found.body - found.body[0]).max() > 0.02
     bare = tmp_path / "bare.glb"
@@ -138,7 +139,7 @@ def test_garments_follow_a_body_that_is_given_in_each_frame(outfit, tmp_path):
     body, layers, _ = outfit
     posed = moved(outfit).body
     done = ifgarments.animate(body, layers, posed, fps=25)
-    assert done.is_clean and done.weights_from_body == [] and done.rest_frame is None
+    assert done.is_clean and done.notes == [] and done.noticed["rest_frame"] is None
     assert np.abs(done.body - posed).max() < 5e-4  # It may yield.
     for k in range(3):
         frame = {name: (at[k], layers[name][1]) for name, at in done.layers.items()}

@@ -2,18 +2,12 @@
 
 use crate::table::{self, count, counted, new_table};
 use comfy_table::Cell;
-use if_body::LeftOut;
-use if_pipeline::animate::{AnimationReport, FrameReport, IntervalReport, PinchReport};
-use serde_json::{Value, json};
+use if_pipeline::animate::{AnimationReport, FrameReport, IntervalReport, Noticed, PinchReport};
 use std::cmp::Reverse;
 use std::path::Path;
 
 /// Rows shown of frames that are clean, evenly spaced; those that are not are all shown.
 const SHOWN: usize = 24;
-/// Joints of the motion that are named.
-const SHOWN_JOINTS: usize = 6;
-/// Distance from the origin, in metres, from which on it is noted that the motion begins elsewhere in its file.
-const ELSEWHERE: f64 = 1.0;
 /// Jumps of the motion that are named.
 const SHOWN_CUTS: usize = 8;
 
@@ -33,30 +27,10 @@ pub(super) const HEADER: [&str; 12] = [
     "seconds",
 ];
 
-/// What was noticed of the files.
-pub(super) struct Notes<'a> {
-    /// Garments whose weights were taken from the body.
-    pub(super) without_weights: &'a [String],
-    /// Layers of whose weights some are left out.
-    pub(super) left_out: &'a [(String, LeftOut)],
-    /// Joints that the motion lacks.
-    pub(super) unmatched: &'a [String],
-    /// Joints of the motion that no joint of the skeleton follows.
-    pub(super) left_over: &'a [String],
-    /// Large bones of limbs that do not move though others of the limb do.
-    pub(super) still: &'a [String],
-    /// Where the file of the motion has the first frame, in metres.
-    pub(super) moved_to_origin: Option<[f64; 2]>,
-    /// The frame that stands for the rest pose of the motion.
-    pub(super) rest_frame: Option<usize>,
-    /// How far the skeleton lies from the body, if it may be another one's, in metres.
-    pub(super) misplaced: Option<f64>,
-}
-
 /// What is printed.
 pub(super) fn text(
     (report, between): (&AnimationReport, Option<(&[IntervalReport], f64)>),
-    notes: Notes<'_>,
+    noticed: &Noticed,
     out: &Path,
     names: &[String],
 ) -> String {
@@ -73,7 +47,8 @@ pub(super) fn text(
     };
     let way = between.map_or(String::new(), |(_, s)| format!(", {s:.1} s for the ways between"));
     let between = between.map_or(String::new(), |(between, _)| between_text(between));
-    let (pinches, let_go, noticed) = (pinches(frames), let_go(frames), noticed(&notes));
+    let (pinches, let_go) = (pinches(frames), let_go(frames));
+    let noticed: String = noticed.notes().iter().map(|note| format!("{note}\n")).collect();
     let cuts = cuts(&report.cuts);
     let reach = match frames.iter().any(|frame| frame.body.reach.is_some()) {
         true => format!(", {:.0} mm from its overlaps", 1e3 * report.body_reach),
@@ -178,73 +153,6 @@ pub(super) fn between_line(between: &[IntervalReport]) -> String {
     )
 }
 
-/// A line for each of what was noticed.
-fn noticed(notes: &Notes<'_>) -> String {
-    let line = |what, names: &[String]| match names {
-        [] => String::new(),
-        names => format!("{what}: {}\n", names.join(", ")),
-    };
-    let from_body = line("Weights taken from the body", notes.without_weights);
-    let left_out: String = notes.left_out.iter().map(left_out_line).collect();
-    let unmatched =
-        line("Joints that the motion lacks, which follow their parents", notes.unmatched);
-    let left_over = match notes.unmatched {
-        [] => String::new(),
-        _ => left_over_line(notes.left_over),
-    };
-    let still: String = notes.still.iter().map(|bone| still_line(bone)).collect();
-    let rest = notes.rest_frame.map_or(String::new(), |frame| {
-        format!("The rest pose of the motion is no upright person; frame {frame} stands for it.\n")
-    });
-    let elsewhere = notes.moved_to_origin.filter(|[x, z]| x.hypot(*z) > ELSEWHERE);
-    let elsewhere = elsewhere.map_or(String::new(), |[x, z]| {
-        format!("The motion begins over the origin; in its file at x = {x:.2} m, z = {z:.2} m.\n")
-    });
-    let misplaced = notes.misplaced.map_or(String::new(), |distance| {
-        format!(
-            "Is this the skeleton of this body? Its joints are {:.0} mm from the skin that they bend (median).\n",
-            1e3 * distance
-        )
-    });
-    format!("{from_body}{left_out}{unmatched}{left_over}{still}{rest}{elsewhere}{misplaced}")
-}
-
-/// Joints of the motion that the skeleton may have by other names; empty if there are none.
-fn left_over_line(joints: &[String]) -> String {
-    if joints.is_empty() {
-        return String::new();
-    }
-    let shown = joints.iter().take(SHOWN_JOINTS).map(String::as_str).collect::<Vec<_>>().join(", ");
-    let more = match joints.len().saturating_sub(SHOWN_JOINTS) {
-        0 => String::new(),
-        more => format!(" and {} more", count(more)),
-    };
-    format!("Joints of the motion that nothing follows: {shown}{more}\n")
-}
-
-/// What is said of a large bone of a limb, such as `left upper arm`.
-fn still_line(bone: &str) -> String {
-    format!(
-        "The {bone} does not move: the motion has other joints of that limb, and none that is known to be this one. Rename it there.\n"
-    )
-}
-
-/// What is said of a layer whose vertices follow more joints than are kept.
-fn left_out_line((layer, of): &(String, LeftOut)) -> String {
-    format!(
-        "Vertices of `{layer}` that follow more than four joints, of which those with the largest weights are kept: {}; \
-         up to {:.1} % of the weight of one is left out.\n",
-        count(of.vertices),
-        1e2 * of.largest
-    )
-}
-
-/// The rows of layers of whose weights some are left out.
-pub(super) fn left_out(layers: &[(String, LeftOut)]) -> Value {
-    let row = |(layer, of): &(String, LeftOut)| json!({"layer": layer, "vertices": of.vertices, "largest": of.largest});
-    layers.iter().map(row).collect()
-}
-
 fn between_text(between: &[IntervalReport]) -> String {
     let mut rows = new_table(&BETWEEN, 0, table::coloured());
     for row in crossed(between).take(SHOWN) {
@@ -299,60 +207,6 @@ pub(super) fn cells((k, row): (usize, &FrameReport)) -> [String; 12] {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use if_body::SkinWeights;
-    use if_mesh::gltf::Influences;
-
-    #[test]
-    fn what_was_noticed_of_the_files_has_a_line_each() {
-        let names = ["thumb".to_owned()];
-        let notes = |rest_frame, misplaced| Notes {
-            without_weights: &[],
-            left_out: &[],
-            unmatched: &names,
-            left_over: &[],
-            still: &[],
-            moved_to_origin: None,
-            rest_frame,
-            misplaced,
-        };
-        let text = noticed(&notes(Some(12), Some(0.25)));
-        let lines: Vec<&str> = text.lines().collect();
-        assert!(lines[0].ends_with("follow their parents: thumb"), "{text}");
-        assert!(lines[1].ends_with("no upright person; frame 12 stands for it."), "{text}");
-        assert!(lines[2].contains("250 mm from the skin") && lines.len() == 3, "{text}");
-        assert_eq!(noticed(&notes(None, None)).lines().count(), 1);
-        let begins = |at| noticed(&Notes { moved_to_origin: Some(at), ..notes(None, None) });
-        assert_eq!(begins([0.5, -0.5]).lines().count(), 1);
-        assert!(begins([3.0, -0.25]).ends_with("in its file at x = 3.00 m, z = -0.25 m.\n"));
-        let joints: Vec<String> = (0..8).map(|k| format!("bone{k}")).collect();
-        let still = ["left upper arm".to_owned()];
-        let notes_of = |joints| Notes { left_over: joints, still: &still, ..notes(None, None) };
-        let text = noticed(&notes_of(&joints));
-        let lines: Vec<&str> = text.lines().collect();
-        let expected = "nothing follows: bone0, bone1, bone2, bone3, bone4, bone5 and 2 more";
-        assert!(lines[1].ends_with(expected), "{text}");
-        assert!(lines[2].starts_with("The left upper arm does not move: "), "{text}");
-        // Where nothing lacks, what is left over of the motion is as it should be.
-        let text = noticed(&Notes { unmatched: &[], ..notes_of(&joints) });
-        assert!(text.lines().count() == 1 && text.starts_with("The left"), "{text}");
-        let skin = [[0, 1, 2, 3, 4], [0, 0, 1, 2, 3]].map(|of| of.map(|joint| (joint, 0.2)));
-        let joints = ["a", "b", "c", "d", "e"];
-        let influences = Influences {
-            joints: joints.map(str::to_owned).to_vec(),
-            of_vertex: skin.map(|of| of.to_vec()).to_vec(),
-        };
-        let weights = SkinWeights::from_gltf(&influences, joints.into_iter()).unwrap();
-        let layers = [("coat".to_owned(), weights.left_out().unwrap())];
-        let text = noticed(&Notes { left_out: &layers, ..notes(None, None) });
-        let line = text.lines().next().unwrap();
-        assert!(line.starts_with("Vertices of `coat` that follow more than four joints"), "{line}");
-        assert!(
-            line.ends_with("are kept: 1; up to 20.0 % of the weight of one is left out."),
-            "{line}"
-        );
-        let rows = json!([{"layer": "coat", "vertices": 1, "largest": 0.2}]);
-        assert_eq!(left_out(&layers), rows);
-    }
 
     #[test]
     fn jumps_and_searches_that_ended_are_named() {

@@ -2,9 +2,9 @@
 
 use super::bound::BoundOutfit;
 use super::movement::Movement;
+use super::noticed::{Noticed, WeightsLeftOut};
 use super::outfit::SkinnedOutfit;
 use if_body::{LeftOut, Motion};
-use if_core::math::Real;
 
 /// An outfit with what moves it.
 #[derive(Debug)]
@@ -24,59 +24,20 @@ impl MovingOutfit {
         }
     }
 
-    /// Garments whose weights were taken from the body.
-    pub fn without_weights(&self) -> &[String] {
-        match self {
-            Self::Poses(outfit, _) => &outfit.without_weights,
-            Self::Bodies(_) => &[],
-        }
-    }
-
-    /// Layers of whose weights some are left out, and how many.
-    pub fn left_out(&self) -> &[(String, LeftOut)] {
-        match self {
-            Self::Poses(outfit, _) => &outfit.left_out,
-            Self::Bodies(_) => &[],
-        }
-    }
-
-    /// How far the skeleton lies from the body, in metres, if it may be another one's.
-    pub fn misplaced_skeleton(&self) -> Option<Real> {
-        match self {
-            Self::Poses(outfit, _) => outfit.misplaced_skeleton(),
-            Self::Bodies(_) => None,
-        }
-    }
-
-    /// Joints of the skeleton that the motion lacks.
-    pub fn unmatched(&self) -> &[String] {
-        self.motion().map_or(&[], |motion| &motion.unmatched)
-    }
-
-    /// Joints of the motion that no joint of the skeleton follows.
-    pub fn left_over(&self) -> &[String] {
-        self.motion().map_or(&[], |motion| &motion.left_over)
-    }
-
-    /// Large bones of limbs that the motion lacks while it has others of the limb, in words.
-    pub fn still(&self) -> &[String] {
-        self.motion().map_or(&[], |motion| &motion.still)
-    }
-
-    /// Where the motion's file has the hips of the first frame, if they are moved to the origin from there, in metres.
-    pub fn moved_to_origin(&self) -> Option<[Real; 2]> {
-        self.motion()?.moved_to_origin
-    }
-
-    /// The frame that stands for the rest pose of the motion.
-    pub fn rest_frame(&self) -> Option<usize> {
-        self.motion()?.rest_frame
-    }
-
-    fn motion(&self) -> Option<&Motion> {
-        match self {
-            Self::Poses(_, motion) => Some(motion),
-            Self::Bodies(_) => None,
+    /// What was noticed of its files.
+    pub fn noticed(&self) -> Noticed {
+        let Self::Poses(outfit, motion) = self else { return Noticed::default() };
+        let left_out =
+            |(layer, of): &(String, LeftOut)| WeightsLeftOut { layer: layer.clone(), of: *of };
+        Noticed {
+            weights_from_body: outfit.without_weights.clone(),
+            weights_left_out: outfit.left_out.iter().map(left_out).collect(),
+            joints_not_in_motion: motion.unmatched.clone(),
+            joints_of_motion_left_over: motion.left_over.clone(),
+            limbs_not_moved: motion.still.clone(),
+            moved_to_origin: motion.moved_to_origin,
+            rest_frame: motion.rest_frame,
+            skeleton_from_skin: outfit.misplaced_skeleton(),
         }
     }
 }

@@ -41,15 +41,12 @@ class Animated:
     layers: dict[str, NDArray[np.float32]]
     #: A row for each frame, and figures of all: ``report`` of what ``ifg animate --json`` prints.
     report: dict[str, Any] = field(repr=False)
-    #: Names of garments whose weights were taken from the body.
-    weights_from_body: list[str] = field(repr=False)
-    #: Joints that the motion lacks: they follow their parents.
-    joints_not_in_motion: list[str] = field(repr=False)
-    #: How far the joints lie from the skin that they bend (median, metres), if that is so far that the
-    #: skeleton may be another body's.
-    skeleton_from_skin: float | None = field(repr=False)
-    #: The frame that stands for the rest pose of a BVH file, if that is no upright person.
-    rest_frame: int | None = field(repr=False)
+    #: What was noticed of skeleton, weights and motion, in words.
+    notes: list[str] = field(repr=False)
+    #: The same as ``report.json`` of ``ifg animate`` has it: ``weights_from_body``, ``weights_left_out``,
+    #: ``joints_not_in_motion``, ``joints_of_motion_left_over``, ``limbs_not_moved``, ``moved_to_origin``,
+    #: ``rest_frame`` and ``skeleton_from_skin`` (``docs/animate.md``).
+    noticed: dict[str, Any] = field(repr=False)
 
     @property
     def is_clean(self) -> bool:
@@ -137,7 +134,7 @@ def animate(
         else None
         for layer in outfit
     ]
-    report, without, (unmatched, misplaced, rest_frame), positions = _native.animate(
+    report, noticed, notes, positions = _native.animate(
         [layer.native() for layer in outfit],
         moving,
         None if skeleton is None else _skeleton(skeleton),
@@ -150,7 +147,7 @@ def animate(
     )
     rows: dict[str, Any] = json.loads(report)
     moved = dict(zip(names[1:], positions[1:]))
-    return Animated(positions[0], moved, rows, without, unmatched, misplaced, rest_frame)
+    return Animated(positions[0], moved, rows, notes, json.loads(noticed))
 
 
 def _motion(given: Any) -> bytes | str | NDArray[np.float64]:

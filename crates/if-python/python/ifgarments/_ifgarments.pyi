@@ -83,8 +83,8 @@ def animate(
     progress: ProgressCallback | None,
 ) -> tuple[
     str,
+    str,
     list[str],
-    tuple[list[str], float | None, int | None],
     list[np.ndarray[tuple[int, int, Literal[3]], np.dtype[np.float32]]],
 ]: ...
 def wardrobe_list(root: str) -> str: ...
