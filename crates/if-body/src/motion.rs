@@ -18,6 +18,7 @@ use if_mesh::file::is_gltf;
 use nalgebra::UnitQuaternion;
 use serde::{Deserialize, Serialize};
 use std::borrow::Cow;
+use std::collections::HashMap;
 use std::io::{self, Read};
 use std::ops::Range;
 use std::path::Path;
@@ -67,12 +68,12 @@ pub enum MotionError {
         "the motion is a glTF file, whose animations are not read; export it as BVH, or give JSON as docs/animate.md specifies"
     )]
     Gltf,
-    /// The motion has a joint that the skeleton lacks, or the other way round.
+    /// The motion has not exactly the joints of the skeleton.
     #[error(
-        "joint {index} of the motion is `{found}`, but the skeleton has `{expected}` there; \
-         export the motion for this skeleton, with its joints in its order"
+        "{fault} `{joint}`; a motion in JSON has each joint of the skeleton once, by its name and in any order: {}",
+        joints.join(", ")
     )]
-    Joint { index: usize, found: String, expected: String },
+    Joint { fault: &'static str, joint: String, joints: Vec<String> },
     /// There are no frames.
     #[error("the motion has no frames; give at least one")]
     Empty,
@@ -124,8 +125,24 @@ fn text(bytes: &[u8]) -> Result<Cow<'_, str>, MotionError> {
     is_bvh.then(|| latin().into()).ok_or(MotionError::Text)
 }
 
-/// What stands for a joint that is missing.
-const MISSING: &str = "none";
+/// Where a motion lists each joint of the skeleton.
+fn places_of(listed: &[String], skeleton: &Skeleton) -> Result<Vec<usize>, MotionError> {
+    let joints = || skeleton.names().map(str::to_owned).collect();
+    let error =
+        |fault, joint: &str| MotionError::Joint { fault, joint: joint.into(), joints: joints() };
+    let mut places = HashMap::new();
+    for (place, name) in listed.iter().enumerate() {
+        if places.insert(name.as_str(), place).is_some() {
+            return Err(error("the motion lists twice the joint", name));
+        }
+    }
+    let place = |name| places.remove(name).ok_or_else(|| error("the motion lacks the joint", name));
+    let found = skeleton.names().map(place).collect::<Result<_, _>>()?;
+    match listed.iter().find(|name| places.contains_key(name.as_str())) {
+        None => Ok(found),
+        Some(name) => Err(error("the skeleton lacks the joint", name)),
+    }
+}
 
 impl Motion {
     /// Poses of all joints, made by a program.
@@ -211,22 +228,15 @@ impl Motion {
 
     fn from_json(text: &str, skeleton: &Skeleton) -> Result<Self, MotionError> {
         let file: File = serde_json::from_str(text)?;
-        let names: Vec<&str> = skeleton.names().collect();
-        for index in 0..names.len().max(file.joints.len()) {
-            let found = file.joints.get(index).map_or(MISSING, String::as_str);
-            let expected = names.get(index).copied().unwrap_or(MISSING);
-            if found != expected {
-                let (found, expected) = (found.to_owned(), expected.to_owned());
-                return Err(MotionError::Joint { index, found, expected });
-            }
-        }
+        let places = places_of(&file.joints, skeleton)?;
         let pose = |(frame, f): (usize, &Frame)| {
             let fault = |source| MotionError::Pose { frame, source };
-            if f.rot.len() != names.len() {
-                let (got, expected) = (f.rot.len(), names.len());
+            if f.rot.len() != places.len() {
+                let (got, expected) = (f.rot.len(), places.len());
                 return Err(fault(PoseError::Count { got, expected }));
             }
-            Pose::from_quaternions(Vector::from(f.root_t), &f.rot).map_err(fault)
+            let rotations: Vec<_> = places.iter().map(|place| f.rot[*place]).collect();
+            Pose::from_quaternions(Vector::from(f.root_t), &rotations).map_err(fault)
         };
         let poses = file.frames.iter().enumerate().map(pose).collect::<Result<_, _>>()?;
         Self::new(file.fps, poses)

@@ -7,7 +7,7 @@ use fault::LISTED;
 pub use fault::{Fault, Unit};
 
 use crate::inverted::{InvertedPart, NO_VOLUME, inverted_part};
-use crate::seams::coincident_vertices;
+use crate::seams::{coincident_vertices, weld_all};
 use if_core::edges::{Edges, VertexTriangles};
 use if_core::math::{Point, Real, area_vector};
 use if_core::mesh::TriMesh;
@@ -89,7 +89,7 @@ pub fn faults(mesh: &TriMesh) -> Vec<Fault> {
     }
 
     let mut ties = Collected::default();
-    bow_ties(mesh, &edges).into_iter().for_each(|v| ties.push_if(true, v));
+    not_of_seams(mesh, bow_ties(mesh, &edges)).into_iter().for_each(|v| ties.push_if(true, v));
     found.extend(ties.some().map(|(count, vertices)| Fault::BowTies { count, vertices }));
     let mut duplicates = Collected::default();
     duplicated(mesh.vertices()).for_each(|v| duplicates.push_if(true, v));
@@ -166,6 +166,19 @@ pub fn bow_ties(mesh: &TriMesh, edges: &Edges) -> Vec<u32> {
         }
     }
     found
+}
+
+/// Those [bow ties](bow_ties) in which fans meet also once seams are closed: where texture coordinates split
+/// vertices, parts of one fan share a vertex, and others have twins of it.
+fn not_of_seams(mesh: &TriMesh, ties: Vec<u32>) -> Vec<u32> {
+    if ties.is_empty() {
+        return ties;
+    }
+    let Some(welded) = weld_all(mesh) else { return ties };
+    let left: HashSet<u32> =
+        bow_ties(&welded.mesh, &Edges::new(&welded.mesh)).into_iter().collect();
+    let is_left = |v: &u32| left.contains(&welded.vertex_map[*v as usize]);
+    ties.into_iter().filter(is_left).collect()
 }
 
 /// Vertices at the position of one of smaller index, ascending.
@@ -303,6 +316,25 @@ mod tests {
         let three = TriMesh::new(v, t).unwrap();
         assert_eq!(bow_ties(&three, &Edges::new(&three)), [0]);
         assert!(bow_ties(&one, &Edges::new(&one)).is_empty());
+    }
+
+    #[test]
+    fn parts_of_a_fan_that_seams_split_are_no_bow_tie() {
+        // Four triangles round a vertex, of which two that lie across from one another have a twin of it.
+        let ring = [(1.0, 0.0), (0.0, 1.0), (-1.0, 0.0), (0.0, -1.0)];
+        let at = |k: usize| Point::new(ring[k % 4].0, ring[k % 4].1, 0.0);
+        let mut v = vec![Point::origin(); 2];
+        v.extend((0..4).flat_map(|k| [at(k), at(k + 1)]));
+        let t = [0, 1, 2, 3].map(|k: u32| [k % 2, 2 + 2 * k, 3 + 2 * k]);
+        let split = TriMesh::new(v.clone(), t.to_vec()).unwrap();
+        assert_eq!(bow_ties(&split, &Edges::new(&split)), [0, 1]);
+        let is_tied = |mesh: &TriMesh| {
+            faults(mesh).iter().any(|fault| matches!(fault, Fault::BowTies { .. }))
+        };
+        assert!(!is_tied(&split));
+        // Without the others no edge joins the two.
+        let apart = TriMesh::new(v, vec![t[0], t[2]]).unwrap();
+        assert!(is_tied(&apart));
     }
 
     #[test]

@@ -34,6 +34,13 @@ fn a_motion_has_a_pose_for_each_frame() {
 }
 
 #[test]
+fn a_motion_lists_its_joints_in_any_order() {
+    let turned = r#"[{"root_t": [0, 1, 2], "rot": [[0, 1, 0, 0], [1, 0, 0, 0]]}]"#;
+    let expected = read(JOINTS, &format!("[{FRAME}]")).unwrap();
+    assert_eq!(read(r#"["knee", "hips"]"#, turned).unwrap(), expected);
+}
+
+#[test]
 fn what_cannot_be_read_is_not_made_or_written() {
     assert!(matches!(Motion::new(24.0, vec![]), Err(MotionError::Empty)));
     for rate in [-5.0, 0.0, Real::NAN, Real::INFINITY] {
@@ -60,9 +67,14 @@ fn invalid_motions_are_errors_that_name_the_place() {
     let error = |joints: &str, frames: &str| read(joints, frames).unwrap_err().to_string();
     let frames = format!("[{FRAME}]");
     let table = [
-        (r#"["hips", "elbow"]"#, frames.as_str(), "joint 1 of the motion is `elbow`"),
-        (r#"["hips"]"#, &frames, "joint 1 of the motion is `none`"),
-        (r#"["hips", "knee", "toe"]"#, &frames, "the skeleton has `none`"),
+        (
+            r#"["hips", "elbow"]"#,
+            frames.as_str(),
+            "lacks the joint `knee`; a motion in JSON has each joint of the skeleton once, by its name and in any order: hips, knee",
+        ),
+        (r#"["hips"]"#, &frames, "the motion lacks the joint `knee`"),
+        (r#"["hips", "knee", "toe"]"#, &frames, "the skeleton lacks the joint `toe`"),
+        (r#"["hips", "knee", "hips"]"#, &frames, "the motion lists twice the joint `hips`"),
         (JOINTS, "[]", "no frames"),
         (JOINTS, r#"[{"root_t": [0, 0, 0], "rot": [[1, 0, 0, 0]]}]"#, "frame 0"),
         (JOINTS, r#"[{"root_t": [0, 0, 0], "rot": [[1, 0, 0, 0], [2, 0, 0, 0]]}]"#, "rotation 1"),

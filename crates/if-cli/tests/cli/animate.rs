@@ -433,7 +433,7 @@ fn motions_and_weights_that_do_not_fit_are_errors_that_name_them() {
         write(&folder, &other);
     };
     changed(&|m| m["joints"][3] = json!("wing"));
-    fails("", "joint 3 of the motion is `wing`");
+    fails("", "the motion lacks the joint `left_arm`");
     changed(&|m| m["frames"] = json!([]));
     fails("", "the motion has no frames");
     changed(&|m| m["frames"][1]["rot"] = json!([[1, 0, 0, 0]]));

@@ -9,6 +9,7 @@ use super::report::FrameReport;
 use super::smoother::Smoother;
 use super::windows::Windows;
 use if_core::math::{Point, Real};
+use if_core::monitor::Monitor;
 use if_outfit::motion::Walker;
 use std::time::Instant;
 
@@ -39,12 +40,13 @@ impl<'a> Finisher<'a> {
         &mut self,
         k: usize,
         [walked, means]: [&Frames; 2],
+        monitor: &mut dyn Monitor,
     ) -> Result<(Vec<Point>, FrameReport), AnimateError> {
         let start = Instant::now();
         let (row, unsmoothed) = walked.written(k)?;
         // Contacts keep layers apart, and not vertices on their sides.
         let mut smoothed = None;
-        for positions in self.smoother.frame(k, [walked, means])? {
+        for positions in self.smoother.frame(k, [walked, means], monitor)? {
             let found = self.measurer.verify(&self.walker, &positions)?;
             if found.is_clean() {
                 smoothed = Some((positions, found));
@@ -59,7 +61,8 @@ impl<'a> Finisher<'a> {
                 (unsmoothed, found)
             }
         };
-        if let Some(kept) = self.measurer.within(&mut self.walker, k, &positions, self.depth)? {
+        let within = (&positions[..], self.depth);
+        if let Some(kept) = self.measurer.within(&mut self.walker, k, within, monitor)? {
             (positions, found) = kept;
         }
         let mut row = FrameReport {

@@ -4,7 +4,7 @@ use super::error::AnimateError;
 use super::movement::Movement;
 use super::report::{FrameReport, NamedPair, NamedVertex, Spread, Yielding};
 use if_core::math::{Point, Real};
-use if_core::monitor::Silent;
+use if_core::monitor::Monitor;
 use if_mesh::measure::strain;
 use if_outfit::Layer;
 use if_outfit::motion::{Pinched, Proof, VertexInside, Walker};
@@ -39,8 +39,8 @@ impl<'a> Measurer<'a> {
         &self,
         walker: &mut Walker,
         frame: usize,
-        positions: &[Point],
-        depth: Real,
+        (positions, depth): (&[Point], Real),
+        monitor: &mut dyn Monitor,
     ) -> Result<Option<(Vec<Point>, FrameReport)>, AnimateError> {
         let skinned = self.movement.posed(frame, &self.rest)?;
         let moves = skinned.iter().zip(positions).map(|(a, b)| b - a);
@@ -51,7 +51,7 @@ impl<'a> Measurer<'a> {
         }
         let capped = skinned.iter().zip(moves).map(|(p, u)| p + u.cap_magnitude(depth));
         let reference: Vec<Point> = capped.collect();
-        let (kept, found) = walker.keep(positions, &reference, &mut Silent)?;
+        let (kept, found) = walker.keep(positions, &reference, monitor)?;
         let row = self.row(walker, &kept, found);
         Ok(Some((kept, row)))
     }

@@ -7,7 +7,7 @@ use super::movement::Movement;
 use super::report::FrameReport;
 use super::windows::Windows;
 use if_core::math::{Point, Real, Vector};
-use if_core::monitor::Silent;
+use if_core::monitor::Monitor;
 use if_core::nalgebra::Vector3;
 use if_outfit::motion::Walker;
 use std::collections::BTreeMap;
@@ -76,6 +76,7 @@ impl<'a> Smoother<'a> {
         &mut self,
         k: usize,
         [walked, means]: [&Frames; 2],
+        monitor: &mut dyn Monitor,
     ) -> Result<Vec<Vec<Point>>, AnimateError> {
         if self.windows.radius == 0 {
             return Ok(Vec::new());
@@ -93,8 +94,8 @@ impl<'a> Smoother<'a> {
         let (from, moves) = (mean.positions.clone(), differ(&to, &mean.local));
         let (is_walked, is_let_go, most) = (mean.is_walked, mean.is_let_go, mean.most);
         let mut found = Vec::new();
-        if moves && let Some(positions) = self.approach(k, (&from, is_let_go), &to, most)? {
-            found.push(positions);
+        if moves {
+            found.extend(self.approach(k, (&from, is_let_go), (&to, most), monitor)?);
         }
         if !is_walked {
             found.push(from);
@@ -129,6 +130,7 @@ impl<'a> Smoother<'a> {
         &mut self,
         k: usize,
         walked: &Frames,
+        monitor: &mut dyn Monitor,
     ) -> Result<(Vec<Point>, FrameReport), AnimateError> {
         let (row, from) = walked.written(k)?;
         self.read_window(k, walked)?;
@@ -136,7 +138,8 @@ impl<'a> Smoother<'a> {
         if let (Some(mean), Some(own)) = (self.average(k), &self.walked[&k])
             && differ(&mean, own)
         {
-            moved = self.approach(k, (&from, row.let_go > 0), &mean, self.most_of_body(k))?;
+            let most = self.most_of_body(k);
+            moved = self.approach(k, (&from, row.let_go > 0), (&mean, most), monitor)?;
         }
         let row = FrameReport { smoothed: moved.is_some(), ..row };
         Ok((moved.unwrap_or(from), row))
@@ -164,8 +167,8 @@ impl<'a> Smoother<'a> {
         &mut self,
         k: usize,
         (from, is_let_go): (&[Point], bool),
-        displacements: &[Vector],
-        most: Real,
+        (displacements, most): (&[Vector], Real),
+        monitor: &mut dyn Monitor,
     ) -> Result<Option<Vec<Point>>, AnimateError> {
         if is_let_go {
             self.walker.let_go_as_in(from)?;
@@ -174,7 +177,7 @@ impl<'a> Smoother<'a> {
         }
         let (maps, target) = self.target(k)?;
         let to = maps.displaced(&target, displacements);
-        self.walker.approach(from, &to, &target, &mut Silent)?;
+        self.walker.approach(from, &to, &target, monitor)?;
         let now = self.walker.positions();
         let body = self.walker.layer(now, 0).iter().zip(&target);
         let is_near = body.map(|(a, b)| (a - b).norm()).all(|displaced| displaced <= most);
@@ -253,7 +256,9 @@ mod tests {
     use super::super::shots::Shots;
     use super::super::tests::{motion, outfit};
     use super::*;
+    use if_core::monitor::{Progress, Silent};
     use if_outfit::motion::WalkParams;
+    use std::ops::ControlFlow;
 
     #[test]
     fn the_body_is_displaced_no_farther_than_in_walked_frames() {
@@ -287,7 +292,12 @@ mod tests {
         let rises: Vec<Vector> = (0..all)
             .map(|v| Vector::y() * if v < body && skin[v].y > top - 0.1 { 5e-4 } else { 0.0 })
             .collect();
-        let mut moved = |most| smoother.approach(0, (&from, false), &rises, most).unwrap();
-        assert!(moved(1e-3).is_some() && moved(4e-4).is_none());
+        let mut moved = |most, monitor: &mut dyn Monitor| {
+            smoother.approach(0, (&from, false), (&rises, most), monitor)
+        };
+        assert!(moved(1e-3, &mut Silent).unwrap().is_some());
+        assert!(moved(4e-4, &mut Silent).unwrap().is_none());
+        let stopped = moved(1e-3, &mut |_: &Progress<'_>| ControlFlow::Break(()));
+        assert!(matches!(stopped, Err(AnimateError::Cancelled(_))), "{stopped:?}");
     }
 }

@@ -157,7 +157,7 @@ impl<'a> Work<'a> {
         let walker = self.animator.walker().clone();
         let mut smoother = Smoother::new(self.movement, walker, self.windows());
         for frame in frames {
-            let (positions, row) = smoother.averaged(*frame, &self.walked)?;
+            let (positions, row) = smoother.averaged(*frame, &self.walked, ticket)?;
             self.means.write(&positions, &row)?;
             ticket.frame_is_done()?;
         }
@@ -170,7 +170,7 @@ impl<'a> Work<'a> {
         let mut finisher =
             Finisher::new(self.movement, walker, self.windows(), self.params.depth());
         for frame in frames {
-            let (positions, row) = finisher.frame(*frame, [&self.walked, &self.means])?;
+            let (positions, row) = finisher.frame(*frame, [&self.walked, &self.means], ticket)?;
             self.finished.write(&positions, &row)?;
             ticket.frame_is_done()?;
         }
