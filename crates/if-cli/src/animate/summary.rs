@@ -8,8 +8,10 @@ use std::path::Path;
 
 /// Rows shown of frames that are clean, evenly spaced; those that are not are all shown.
 const SHOWN: usize = 24;
-/// Jumps of the motion that are named.
-const SHOWN_CUTS: usize = 8;
+/// Frames in which something jumps that are named.
+const SHOWN_FRAMES: usize = 8;
+/// Jitter of the body that is noted, in metres.
+const LEAP: f64 = 0.01;
 
 /// The columns of the table.
 pub(super) const HEADER: [&str; 12] = [
@@ -49,18 +51,19 @@ pub(super) fn text(
     let between = between.map_or(String::new(), |(between, _)| between_text(between));
     let (pinches, let_go) = (pinches(frames), let_go(frames));
     let noticed: String = noticed.notes().iter().map(|note| format!("{note}\n")).collect();
-    let cuts = cuts(&report.cuts);
+    let (cuts, trembles) = (cuts(&report.cuts), trembles(frames));
     let reach = match frames.iter().any(|frame| frame.body.reach.is_some()) {
         true => format!(", {:.0} mm from its overlaps", 1e3 * report.body_reach),
         false => String::new(),
     };
     format!(
-        "{rows}\n\n{pinches}{let_go}{between}{cuts}{noticed}{}: {} clean, {} clean everywhere; body at most {:.1} mm{reach}, jitter p99 {:.2} mm, \
-         at most {:.1} mm, shake p99 {:.2} mm; {:.2} s a frame, {:.1} s in all{way}{kept}\nWrote {}: {}\n",
+        "{rows}\n\n{pinches}{let_go}{between}{cuts}{trembles}{noticed}{}: {} clean, {} clean everywhere; body at most {:.1} mm{reach}, its jitter {:.1} mm; \
+         garments: jitter p99 {:.2} mm, at most {:.1} mm, shake p99 {:.2} mm; {:.2} s a frame, {:.1} s in all{way}{kept}\nWrote {}: {}\n",
         counted(frames.len(), "frame"),
         count(report.clean),
         count(report.clean_everywhere),
         1e3 * report.body_max,
+        1e3 * report.body_jitter,
         1e3 * report.jitter_p99,
         1e3 * report.jitter_max,
         1e3 * report.shake_p99,
@@ -117,11 +120,32 @@ fn cuts(cuts: &[usize]) -> String {
     if cuts.is_empty() {
         return String::new();
     }
-    let shown = cuts.iter().take(SHOWN_CUTS).map(usize::to_string).collect::<Vec<_>>().join(", ");
-    let more = if cuts.len() > SHOWN_CUTS { " and others" } else { "" };
     format!(
-        "The motion jumps before frame {shown}{more}: it begins anew from the rest pose there, and nothing is smoothed across.\n"
+        "The motion jumps before frame {}: it begins anew from the rest pose there, and nothing is smoothed across.\n",
+        some(cuts)
     )
+}
+
+/// Where parts of the body leap, as a hand over cloth that it touches; empty if none does.
+fn trembles(frames: &[FrameReport]) -> String {
+    let found: Vec<usize> =
+        frames.iter().filter(|f| f.body.jitter > LEAP).map(|f| f.frame).collect();
+    if found.is_empty() {
+        return String::new();
+    }
+    format!(
+        "Parts of the body, such as hands that touch cloth, yield otherwise than in the frame before, by more than \
+         {:.0} mm, in frame {}.\n",
+        1e3 * LEAP,
+        some(&found)
+    )
+}
+
+/// The first of some frames, by their numbers.
+fn some(frames: &[usize]) -> String {
+    let shown = frames.iter().take(SHOWN_FRAMES).map(usize::to_string).collect::<Vec<_>>();
+    let more = if frames.len() > SHOWN_FRAMES { " and others" } else { "" };
+    format!("{}{more}", shown.join(", "))
 }
 
 /// The columns of the table of intervals.
@@ -214,6 +238,12 @@ mod tests {
         let text = cuts(&[6, 40]);
         assert!(text.starts_with("The motion jumps before frame 6, 40: ") && text.ends_with(".\n"));
         assert!(cuts(&[1; 9]).contains("1, 1 and others: "), "{}", cuts(&[1; 9]));
+        let mut frames = vec![FrameReport::default(); 3];
+        frames.iter_mut().enumerate().for_each(|(k, row)| row.frame = 10 + k);
+        frames[1].body.jitter = 9.9e-3;
+        assert_eq!(trembles(&frames), "");
+        frames[2].body.jitter = 0.04;
+        assert!(trembles(&frames).ends_with("by more than 10 mm, in frame 12.\n"));
         let mut row = IntervalReport::default();
         row.more_than = Some(10_000);
         assert_eq!(between_cells(&row), ["0", "more than 10,000 in all", "", ""]);

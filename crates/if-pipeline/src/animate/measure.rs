@@ -128,6 +128,7 @@ impl<'a> Measurer<'a> {
         let corners = met.iter().flat_map(|t| mesh.triangles()[*t as usize]);
         let places: Vec<Point> = corners.map(|v| skinned[v as usize]).collect();
         let Extent { area, reach, .. } = extent(mesh, skinned, now, &places);
-        Yielding { own_pairs_before: met.len() / 2, reach, area, moved: Spread::of(moved) }
+        let own_pairs_before = met.len() / 2;
+        Yielding { own_pairs_before, reach, area, moved: Spread::of(moved), ..Yielding::default() }
     }
 }

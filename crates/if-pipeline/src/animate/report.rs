@@ -38,6 +38,10 @@ pub struct Yielding {
     /// skinned body meets itself, in metres, by corners; `None` if no vertex is displaced so far, or
     /// the body does not meet itself.
     pub reach: Option<Real>,
+    /// Largest change of the displacement of a vertex since the frame before, in local frames, in metres; zero in
+    /// the first frame, also after a cut.
+    #[serde(default)]
+    pub jitter: Real,
 }
 
 /// A vertex on the wrong side of a layer below.
@@ -166,6 +170,9 @@ pub struct AnimationReport {
     pub kept: usize,
     /// Largest displacement of the body, in metres.
     pub body_max: Real,
+    /// Largest jitter of the body, in metres.
+    #[serde(default)]
+    pub body_jitter: Real,
     /// Largest 99th percentile of the jitter of a frame, in metres.
     pub jitter_p99: Real,
     /// Largest jitter of a vertex, in metres.
@@ -199,6 +206,7 @@ impl AnimationReport {
             frames_per_second,
             kept,
             body_max: largest(|f| f.body.moved.max),
+            body_jitter: largest(|f| f.body.jitter),
             jitter_p99: largest(|f| f.jitter.p99),
             jitter_max: largest(|f| f.jitter.max),
             shake_p99: largest(|f| f.shake.p99),

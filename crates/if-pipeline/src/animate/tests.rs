@@ -1,7 +1,7 @@
 use super::*;
 use if_body::mannequin::{self, Garment, MannequinParams, rig};
 use if_body::{Pose, SkinError, SkinWeights};
-use if_core::math::{Point, Vector};
+use if_core::math::{Point, Real, Vector};
 use if_core::mesh::TriMesh;
 use if_core::monitor::{Cancelled, Progress, Silent};
 use if_core::nalgebra::UnitQuaternion;
@@ -53,6 +53,14 @@ fn a_run_that_was_stopped_goes_on_with_the_same_bits() {
     assert!(first.pairs_before > 0 && first.reached && first.moved.max > 0.0, "{first:?}");
     assert_eq!(first.jitter.max, 0.0);
     assert!(all.report.frames[1].jitter.max > 0.0 && all.report.jitter_max < 0.02);
+    let displaced: Vec<Real> = all.report.frames.iter().map(|f| f.body.moved.max).collect();
+    for (two, row) in displaced.windows(2).zip(&all.report.frames[1..]) {
+        let (least, most) = ((two[1] - two[0]).abs(), two[0] + two[1]);
+        assert!((least - 1e-6..=most + 1e-6).contains(&row.body.jitter), "{two:?} {row:?}");
+    }
+    let jitter = all.report.frames.iter().map(|f| f.body.jitter);
+    assert_eq!(all.report.body_jitter, jitter.fold(0.0, Real::max));
+    assert!(all.report.body_jitter > 0.0);
 
     let walked = |folder: &Path, frame| folder.join(format!("walked/{frame:06}.frame")).exists();
     // Each of two threads does at most one frame more.
