@@ -14,9 +14,8 @@ const APART: Real = 0.03;
 const WIDE: i32 = 10;
 /// How many joints have to come near by a heading: limbs in another pose, and joints on one vertical, tell none.
 const GAIN: Real = 0.5;
-/// How much of the distance of surfaces a heading leaves at most. Between people who stand alike it leaves half of
-/// it from 20° on; between one who stands and one who strides or sits the best is no heading, and leaves two
-/// thirds.
+/// How much of the distance of surfaces a heading leaves at most. Where people stand alike, the right one leaves
+/// less; of one who stands and one who strides or sits the best is no heading, and leaves more.
 const LEFT: Real = 0.6;
 /// Rounds of weights for the translation at a heading.
 const ROUNDS: usize = 20;
