@@ -1,7 +1,7 @@
 //! Intersection-free layered garments: all crates of if-garments behind one name.
 //!
-//! [`resolve`] takes an [`Outfit`] (a body and its garments, inner to outer) and returns it
-//! without intersections between its layers, proven by exact predicates. [`verify`] is the proof
+//! [`resolve()`] takes an [`Outfit`] (a body and its garments, inner to outer) and returns it
+//! without intersections between its layers, proven by exact predicates. [`verify()`] is the proof
 //! alone. [`OutfitFiles`] does the same for mesh files, and proves exactly what it writes. With the
 //! feature `reconstruct` (on by default), [`pipeline`] makes garments from captures
 //! of videos and combines them on other bodies.
@@ -12,7 +12,7 @@
 //! | [`mesh`] | files, spatial index, closed layers, baked fields, extraction, clean-up, measures |
 //! | [`xpbd`] | the cloth solver: particles, constraint groups, Algorithm 1 of the paper |
 //! | `neural` | networks as signed distance fields, and their fits; feature `reconstruct` |
-//! | [`outfit`] | [`resolve`], [`verify`], reports, outfits of files |
+//! | [`outfit`] | [`resolve()`], [`verify()`], reports, outfits of files |
 //! | [`body`] | skeletons, skinning, alignment between bodies, the built-in mannequin |
 //! | [`render`] | pictures in software, report pages |
 //! | [`pipeline`] | captures, reconstruction, wardrobes |

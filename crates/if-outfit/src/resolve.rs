@@ -115,7 +115,7 @@ pub fn resolve(
 
 /// [`resolve`] of garments that come with fields, inner to outer, such as a trained φ.
 ///
-/// With [`Method::Paper`](crate::Method::Paper) Algorithm 1 reads these instead of distances to the
+/// With [`Method::Paper`] Algorithm 1 reads these instead of distances to the
 /// meshes, each masked by the box of its garment. Nothing rests on their accuracy: verification and
 /// repair read the meshes. They describe the garments as given, also where those have moved since.
 /// With the other method they are not read. [`LayerReport::algorithm1`] reports what was read.

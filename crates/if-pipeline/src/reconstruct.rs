@@ -7,7 +7,7 @@
 //! |---|---|---|
 //! | refinement of poses that are estimates | [`refine_poses`] | `read`, `start`, `poses` |
 //! | the surface, from masks, normals and poses | [`fit_surface`] | `read`, `start`, `surface` |
-//! | one closed canonical mesh with weights | [`FloodedField`], [`if_mesh::extract`], [`largest_piece`], [`carried_weights`] | `extract` |
+//! | one closed canonical mesh with weights | [`FloodedField`], [`if_mesh::extract()`], [`largest_piece`], [`carried_weights`] | `extract` |
 //! | φ and d as networks, trained on all frames, if requested | [`fit_fields`] | `read`, `phi`, `fields` |
 //! | the motion of single frames | [`fit_motion`], [`MeshMotion`] | `read`, `motion` |
 //! | that motion as a network with an embedding for each frame | [`distil_motion`] | `motion_network` |

@@ -1,7 +1,7 @@
 //! The native part of the Python package `ifgarments`: a thin client of the libraries.
 //!
-//! Arrays become meshes ([`layers`]), work runs without the interpreter's lock and can be cancelled
-//! ([`work`]), errors become the exceptions of `ifgarments.errors` ([`errors`]). What depends on
+//! Arrays become meshes (`layers`), work runs without the interpreter's lock and can be cancelled
+//! (`work`), errors become the exceptions of `ifgarments.errors` (`errors`). What depends on
 //! kinds of Python objects (trimesh, Open3D, meshio) stands in `python/ifgarments`.
 //!
 #![doc = include_str!("../README.md")]

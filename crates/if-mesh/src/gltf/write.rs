@@ -31,7 +31,7 @@ pub fn write(
 ///
 /// # Errors
 ///
-/// As [`write`]; no layer, or layers of several files.
+/// As [`write()`]; no layer, or layers of several files.
 pub fn write_layers(
     layers: &[(&GltfMesh, &[Point])],
     normals: Normals,

@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 /// Most parameters, 4 GiB: larger configurations are mistakes.
 const MOST: f64 = (1u64 << 30) as f64;
 
-/// Sizes of a [`GridField`].
+/// Sizes of a [`GridField`](super::GridField).
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct GridConfig {

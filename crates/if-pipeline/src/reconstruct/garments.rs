@@ -149,7 +149,7 @@ impl std::fmt::Debug for ClothedPerson<'_> {
 /// # Source
 ///
 /// Supplement, Appendix B, for the clean-up; votes and cut are ours. The steps are
-/// [`if_mesh::labels`] and [`if_mesh::cleanup`].
+/// [`if_mesh::labels`] and [`mod@if_mesh::cleanup`].
 ///
 /// # Errors
 ///
