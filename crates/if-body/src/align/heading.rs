@@ -25,7 +25,7 @@ const TRIANGLES: usize = 1500;
 /// The turn about the vertical, in whole degrees, after which the trunk of a body faces as that of another one: of
 /// all headings the one at which the most joints come to lie near their twins on `to`, once scaled.
 ///
-/// Limbs in another pose turn the least-squares similarity: those of a body in full stride by 24°.
+/// The least-squares similarity is turned by limbs in another pose, too.
 pub(super) fn of_trunk(
     pairs: &[(Point, Point, Real)],
     to: &TriMesh,
