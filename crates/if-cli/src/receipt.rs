@@ -210,6 +210,37 @@ mod tests {
     }
 
     #[test]
+    fn an_outfit_in_other_units_or_with_more_outputs_is_not_finished() {
+        let out = tempfile::tempdir().unwrap();
+        let scaled =
+            |scale: f64| Request { tool: tool(), params: json!({}), scale, inputs: vec![] };
+        let request = scaled(0.1);
+        std::fs::write(out.path().join("shirt.ply"), "a shirt").unwrap();
+        let content = digest(b"a shirt");
+        let outputs = [OutputFile { file: "shirt.ply".into(), content, unchanged: None }];
+        let receipt = Receipt {
+            outfit: "o",
+            state: Cleanness::Everywhere,
+            request: &request,
+            outputs: &outputs,
+            notes: &[],
+            report: &ResolveReport::default(),
+            timings: &Timings::default(),
+            phases: None,
+            peak_memory: None,
+        };
+        std::fs::write(out.path().join(FILE), receipt.text().unwrap()).unwrap();
+        let finished = |request: &Request, names: &[&str]| {
+            let names: Vec<String> = names.iter().map(ToString::to_string).collect();
+            request.finished(out.path(), &names).is_some()
+        };
+        assert!(finished(&request, &["shirt.ply"]));
+        // The same numbers in other units, and a picture that was not drawn.
+        assert!(!finished(&scaled(0.01), &["shirt.ply"]));
+        assert!(!finished(&request, &["shirt.ply", "before.png"]));
+    }
+
+    #[test]
     fn a_receipt_holds_times_in_one_place_only() {
         let request = Request { tool: tool(), params: json!({}), scale: 1.0, inputs: vec![] };
         let with = |seconds: f64| {

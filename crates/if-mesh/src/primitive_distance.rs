@@ -220,6 +220,8 @@ mod tests {
         assert_eq!(least_own_distance(&Bvh::new(&mesh)), None);
         let found = found(&mesh).unwrap();
         assert!((found.distance - 1e-8).abs() < 1e-14 && found.error < 1e-14, "{found:?}");
+        // The height itself lies between the bounds.
+        assert!((found.distance - found.error..=found.distance).contains(&1e-8), "{found:?}");
         assert!(found.are_neighbours);
         assert_eq!(found.primitives, Primitives::VertexTriangle(3, [0, 2, 1]));
     }
@@ -234,6 +236,25 @@ mod tests {
         assert!((found.distance - Real::sqrt(0.5)).abs() < 1e-12, "{found:?}");
         let Primitives::VertexTriangle(vertex, _) = found.primitives else { panic!("{found:?}") };
         assert!([0, 5].contains(&vertex));
+    }
+
+    #[test]
+    fn the_two_nearest_edges_are_named_by_their_vertices() {
+        let p = |x: Real, y: Real, z: Real| Point::new(x, y, z);
+        // An edge along x, and 0.1 over its middle one along y; the rest of both triangles leads
+        // away. Each of the three edges comes first in its triangle once.
+        let below = [p(-1., 0., 0.), p(1., 0., 0.), p(0., 0., -5.)];
+        let above = [p(0., -1., 0.1), p(0., 1., 0.1), p(0., 0., 5.)];
+        for first in 0..3 {
+            for second in 0..3 {
+                let turned = |k: usize| [0, 1, 2].map(|m| ((m + k) % 3) as u32);
+                let triangles = vec![turned(first), turned(second).map(|v| v + 3)];
+                let mesh = TriMesh::new([below, above].concat(), triangles).unwrap();
+                let found = found(&mesh).unwrap();
+                assert!((found.distance - 0.1).abs() < 1e-12, "{found:?}");
+                assert_eq!(found.primitives, Primitives::Edges([0, 1], [3, 4]));
+            }
+        }
     }
 
     #[test]

@@ -127,10 +127,16 @@ mod tests {
     fn differences_in_bounds_are_exact_in_single_precision_and_half_a_step_is_lost() {
         let mut random = 0.5;
         for size in [1e-3, 0.9, 1.0, 2.0, 2.1, 37.0, 5e4] {
-            let [low, high] = [Point::new(-0.3, 0.0, 0.1) * size, Point::new(0.7, 1.0, 0.2) * size];
+            // Differences along x are larger than all coordinates.
+            let [low, high] = [Point::new(-0.8, 0.0, 0.1) * size, Point::new(0.7, 1.0, 0.2) * size];
+            let largest = 1.5 * size;
             let storage = Storage::with_exact_differences(&low, &high);
             let Storage::Fixed { bits } = storage else { panic!("{storage:?}") };
-            assert!(size < 2.1 * STEPS * step(bits), "{size}: no more is lost than must be");
+            let held = STEPS * step(bits);
+            assert!(
+                (largest..2.1 * largest).contains(&held),
+                "{size}: no more is lost than must be"
+            );
             let mut at = || {
                 let p = Point::from([0, 1, 2].map(|k| {
                     random = (random + 0.618_033_988_749_894_9_f64).fract();
@@ -143,6 +149,9 @@ mod tests {
             for _ in 0..1000 {
                 let (a, b) = (at(), at());
                 assert_eq!(a + (b - a), b);
+                // The difference itself, which a viewer may scale, is exact as well.
+                let exact = b.map(Real::from) - a.map(Real::from);
+                assert_eq!((b - a).map(Real::from), exact);
             }
         }
     }

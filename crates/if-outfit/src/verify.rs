@@ -189,3 +189,45 @@ pub(crate) fn body_own_pairs(outfit: &Outfit, closed: &ClosedLayer) -> usize {
     let _phase = trace_span!("own pairs of the body").entered();
     own_of(&outfit.body.mesh, closed.bvh()).len()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use if_core::math::Vector;
+    use if_core::shapes::meshes::{icosphere, tube};
+
+    /// A ball of 0.3 m, and three bands about it with 10 mm between; those that are `aside` meet the
+    /// others, and the body, on one side.
+    fn outfit(aside: [bool; 3]) -> Outfit {
+        let band = |(k, name): (usize, &str)| {
+            let by = Vector::new(if aside[k] { 0.015 } else { 0.0 }, -0.05, 0.0);
+            let tube = tube(0.31 + 0.01 * k as Real, 0.1, 40, 4, false);
+            let moved = tube.vertices().iter().map(|p| p + by).collect();
+            Layer::new(name, tube.with_vertices(moved).unwrap())
+        };
+        let garments = ["shirt", "jacket", "coat"].into_iter().enumerate().map(band).collect();
+        Outfit::new(Layer::new("body", icosphere(0.3, 3)), garments).unwrap()
+    }
+
+    #[test]
+    fn after_garments_moved_the_findings_are_those_of_a_new_verification() {
+        let all = [[false; 3], [true, false, false], [false, true, false]];
+        let found = all.map(|aside| verify_layers(&outfit(aside), None));
+        assert!(found[0].0.iter().all(Findings::is_clean));
+        // One that meets others, back again, and another one meanwhile.
+        for [before, after] in [[0, 1], [1, 0], [1, 2]] {
+            let changed = [0, 1, 2].map(|k: usize| all[before][k] != all[after][k]);
+            let (given, closed) = found[before].clone();
+            let (now, _) = verify_changed(&outfit(all[after]), &changed, given, closed);
+            let text = |findings: &[Findings]| format!("{findings:?}");
+            assert_eq!(text(&now), text(&found[after].0), "{before} to {after}");
+        }
+        // The shirt meets the body and the jacket over it, the jacket shirt and coat.
+        let pairs = |k: usize| -> Vec<Vec<bool>> {
+            let meet = |of: &LayerFindings| !of.pairs.is_empty();
+            found[k].0.iter().map(|garment| garment.below.iter().map(meet).collect()).collect()
+        };
+        assert_eq!(pairs(1), [vec![true], vec![false, true], vec![false; 3]]);
+        assert_eq!(pairs(2), [vec![false], vec![false, true], vec![false, false, true]]);
+    }
+}

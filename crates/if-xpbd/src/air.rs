@@ -403,6 +403,21 @@ mod tests {
     }
 
     #[test]
+    fn a_push_is_weighted_by_the_mask() {
+        let all = floor();
+        let inner = InnerSurface::new(&all.0, &all);
+        let start = vec![Point::new(0.11, 0.12, -0.004); 2];
+        let mut air = Air::new(&inner, &start, &[0.25, 1.0], AirParams::default()).unwrap();
+        let mut p = start.clone();
+        air.begin_substep(&p.clone(), &p.clone(), &[1.0; 2], 1e-3);
+        air.project(&mut p, &[1.0; 2], 1e-3);
+        // To the least gap of 1 mm are 5 mm: a quarter of the way, and all of it.
+        let heights = [0, 1].map(|v: usize| p[v].z);
+        assert_relative_eq!(heights[0], -0.004 + 0.25 * 0.005, epsilon = 1e-15);
+        assert_relative_eq!(heights[1], 0.001, epsilon = 1e-15);
+    }
+
+    #[test]
     fn the_foot_of_a_vertex_that_slides_is_searched_again() {
         // A floor that bends down at x = 0.1: its old plane would hold the vertex up.
         let flat = cloth(0.2, 0.2, 4, 4);

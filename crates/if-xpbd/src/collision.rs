@@ -480,6 +480,23 @@ mod tests {
     }
 
     #[test]
+    fn samples_that_share_vertices_push_none_of_them_twice() {
+        // A square 1 cm below a plane. Once its vertices are out, so are the middles of its edges and
+        // triangles, whose distances are from before.
+        let plane = Plane { point: Point::origin(), normal: Vector::z() };
+        let mesh = cloth(0.2, 0.2, 1, 1);
+        let (masks, clearances) = ([1.0; 4], [0.002; 4]);
+        let mut group = SdfCollision::new(&plane, &masks, &clearances).unwrap();
+        group.add_between(&mesh, 0.1, &masks, &clearances).unwrap();
+        let mut p: Vec<Point> =
+            mesh.vertices().iter().map(|p| Point::new(p.x, p.y, -0.01)).collect();
+        group.project(&mut p, &[1.0; 4], 1e-3);
+        for p in &p {
+            assert_relative_eq!(p.z, 0.002, epsilon = 1e-15);
+        }
+    }
+
+    #[test]
     fn vertices_that_cannot_have_come_near_are_not_queried() {
         let mut group = SdfCollision::new(&BALL, &[1.0; 2], &[0.01; 2]).unwrap();
         let mut p = vec![Point::new(0.0, 0.6006, 0.8008), Point::new(0.9, 0.9, 0.9)];

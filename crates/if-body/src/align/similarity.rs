@@ -189,6 +189,15 @@ mod tests {
                 approx::assert_relative_eq!(fit.point(p), *q, epsilon = 1e-12);
             }
         }
+        // Joints in one plane, as those of a person nearly are: a turn, and no reflection in it.
+        for k in 0..50 {
+            let turn = Rotation3::from_euler_angles(Real::from(k), 0.7 * Real::from(k), 0.3);
+            let flat = points.map(|[x, y, _]| Point::new(x, y, 0.0));
+            let pairs: Vec<_> = flat.iter().map(|p| (*p, turn * p, 1.0)).collect();
+            let fit = umeyama(&pairs).unwrap();
+            let above = Point::new(0.2, 0.3, 1.0);
+            approx::assert_relative_eq!(fit.point(&above), turn * above, epsilon = 1e-9);
+        }
         assert!(umeyama(&pairs[..2]).is_none());
         let line: Vec<(Point, Point, Real)> =
             (0..5).map(|k| Point::new(0.0, Real::from(k), 0.0)).map(|p| (p, p, 1.0)).collect();

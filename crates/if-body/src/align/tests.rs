@@ -1,6 +1,7 @@
 use super::*;
 use crate::mannequin::{Garment, MannequinParams, body, garment};
 use crate::skin_weights::SkinError;
+use if_core::shapes::meshes::cloth;
 use if_mesh::measure::{displacement, strain};
 use if_mesh::solid::ClosedLayer;
 
@@ -375,6 +376,38 @@ fn a_sleeve_follows_its_arm_and_not_the_trunk_beside_it() {
     // Without weights it is halfway between.
     let x = map.map_points(&p, None).unwrap()[0].x;
     assert!((0.05..0.09).contains(&x), "{x}");
+}
+
+#[test]
+fn weights_of_a_body_with_seams_are_those_of_its_vertices() {
+    // Two sheets 4 cm apart, of which the second moves by 10 cm. All triangles of the first have
+    // vertices of their own, so that those of the second have other numbers once seams are closed.
+    let (first, second) = (cloth(0.2, 0.2, 20, 20), cloth(0.2, 0.2, 20, 20));
+    let corners = first.triangles().as_flattened().iter();
+    let mut points: Vec<Point> = corners.map(|v| first.vertices()[*v as usize]).collect();
+    let n = points.len();
+    points.extend(second.vertices().iter().map(|p| p + Vector::z() * 0.04));
+    let own = (0..n as u32 / 3).map(|t| [3 * t, 3 * t + 1, 3 * t + 2]);
+    let others = second.triangles().iter().map(|t| t.map(|v| v + n as u32));
+    let triangles: Vec<[u32; 3]> = own.chain(others).collect();
+    let moved = |(v, p): (usize, &Point)| if v < n { *p } else { p + Vector::z() * 0.1 };
+    let to = TriMesh::new(points.iter().enumerate().map(moved).collect(), triangles.clone());
+    let (from, to) = (TriMesh::new(points, triangles).unwrap(), to.unwrap());
+    let skin = |joints: Vec<u16>| {
+        let rows = joints.iter().map(|joint| [*joint, 0, 0, 0]).collect();
+        SkinWeights::new(rows, vec![[1.0, 0.0, 0.0, 0.0]; joints.len()], 2).unwrap()
+    };
+    let body = skin((0..from.vertices().len()).map(|v| u16::from(v >= n)).collect());
+    let shape = |mesh| BodyShape { mesh, skin: Some(&body), template: None, skeleton: None };
+    let params = AlignParams { skin_floor: 1e-6, ..Default::default() };
+    let map = BodyMap::new(&shape(&from), &shape(&to), &params).unwrap();
+    assert_eq!(map.method(), Method::Topology);
+    // Halfway between both: it goes with the sheet that has its joint.
+    let between = [Point::new(0.1, 0.1, 0.02)];
+    for (joint, height) in [(0, 0.02), (1, 0.12)] {
+        let found = map.map_points(&between, Some(&skin(vec![joint]))).unwrap();
+        approx::assert_relative_eq!(found[0].z, height, epsilon = 1e-4);
+    }
 }
 
 #[test]

@@ -138,6 +138,25 @@ mod tests {
     }
 
     #[test]
+    fn the_least_share_is_one_of_the_largest_component() {
+        // Areas go with the squares of radii: 1/36 of the largest is the second of the balls.
+        for (least_share, kept) in [(0.9 / 36.0, 2), (1.1 / 36.0, 1)] {
+            let params = ComponentParams { least_share, ..Default::default() };
+            let (_, report) = remove_isolated(&three_balls(), &params).unwrap();
+            assert_eq!(report.kept.len(), kept, "{least_share}");
+        }
+        // The largest of many equal ones has a small share of the whole.
+        let ball = icosphere(0.3, 1);
+        let far = |p: &Point| p + Vector::x();
+        let twice = [ball.vertices().to_vec(), ball.vertices().iter().map(far).collect()].concat();
+        let n = ball.vertices().len() as u32;
+        let others = ball.triangles().iter().map(|t| t.map(|v| v + n)).collect();
+        let both = TriMesh::new(twice, [ball.triangles().to_vec(), others].concat()).unwrap();
+        let params = ComponentParams { least_share: 0.9, ..Default::default() };
+        assert_eq!(remove_isolated(&both, &params).unwrap().1.dropped, []);
+    }
+
+    #[test]
     fn an_empty_mesh_has_no_components() {
         let (left, report) =
             remove_isolated(&TriMesh::default(), &ComponentParams::default()).unwrap();

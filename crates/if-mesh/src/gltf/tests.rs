@@ -234,6 +234,31 @@ fn tangents_turn_with_the_normals_and_keep_their_side() {
 }
 
 #[test]
+fn tangents_lie_along_the_surface_where_a_node_stretches_it() {
+    // The surface slopes along x; a node that stretches x makes it flatter. Tangents go with the
+    // surface, at right angles to what normals do.
+    let mut builder = Builder::new();
+    builder.square(0.0, json!({"scale": [3, 1, 1]}));
+    let slope: Vec<f32> = [[0., 0., 0.], [1., 0., 1.], [1., 1., 1.], [0., 1., 0.]].concat();
+    let positions = builder.floats("VEC3", 4, &slope);
+    let along = 0.5f32.sqrt();
+    let tangents = builder.floats("VEC4", 4, [[along, 0.0, along, 1.0]; 4].as_flattened());
+    let attributes = &mut builder.document["meshes"][0]["primitives"][0]["attributes"];
+    (attributes["POSITION"], attributes["TANGENT"]) = (json!(positions), json!(tangents));
+    let glb = builder.read().unwrap();
+    // Laid flat, the surface is level in the node as well.
+    let flat: Vec<Point> =
+        glb.mesh().vertices().iter().map(|p| Point::new(p.x, p.y, 0.0)).collect();
+    let again = read(written(&glb, &flat)).unwrap();
+    let tangents = again.parts[0].tangents.unwrap();
+    for k in 0..4 {
+        let [x, y, z, side] = tangents.values::<4>(&again.source, k);
+        assert!((Vector::new(x, y, z) - Vector::x()).norm() < 1e-6, "{x} {y} {z}");
+        assert_eq!(side, 1.0);
+    }
+}
+
+#[test]
 fn joints_and_morph_targets_place_vertices_and_are_undone() {
     let mut builder = Builder::new();
     let node = builder.square(0.0, json!({"translation": [5, 5, 5], "skin": 0}));

@@ -231,6 +231,28 @@ fn patches_go_on_as_the_surface_does_and_lie_on_the_field_where_there_is_one() {
 }
 
 #[test]
+fn new_positions_are_those_of_single_precision_if_they_will_be_stored_so() {
+    // A hole to fill and a ragged opening to smooth; positions of the input are doubles.
+    let mesh = holed(4, &[(Vector::new(0.3, 0.0, 0.0), 0.08), (Vector::new(0.0, 0.3, 0.0), 0.15)]);
+    let mut random = SplitMix64::new(7);
+    let mut shaken = |p: &Point| p + Vector::repeat(1e-4 * random.unit());
+    let mesh = mesh.with_vertices(mesh.vertices().iter().map(&mut shaken).collect()).unwrap();
+    let params = CleanupParams {
+        openings: Openings::Count(1),
+        single_precision: true,
+        ..CleanupParams::default()
+    };
+    let cleaned = clean(&mesh, &params);
+    let (report, n) = (&cleaned.report, mesh.vertices().len());
+    assert!(report.holes.filled.len() == 1 && report.smoothing.moved > 10, "{report:?}");
+    let new = cleaned.mesh.vertices().iter().filter(|p| !mesh.vertices().contains(p));
+    let new: Vec<&Point> = new.collect();
+    assert!(new.len() >= report.smoothing.moved + cleaned.mesh.vertices().len() - n);
+    let single = |p: &Point| p.map(|x| Real::from(x as f32));
+    assert!(new.into_iter().all(|p| *p == single(p)));
+}
+
+#[test]
 fn a_garment_without_a_patch_of_its_body_gets_it_back_and_keeps_its_openings() {
     // The body is the ball; the garment its lower part with a hole, its opening at y = 0.15.
     let body = icosphere(0.3, 4);

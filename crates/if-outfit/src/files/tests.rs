@@ -86,7 +86,11 @@ fn read_again(
     let layers = written.into_iter().map(LayerFile::new).collect();
     let again = OutfitFiles::read(body.clone(), layers, scale).unwrap();
     assert_eq!(again.outfit().garments[0].mesh, resolved.outfit.garments[0].mesh);
-    assert!(again.verify().unwrap().is_clean());
+    let (found, reported) = (again.verify().unwrap(), &resolved.report.after);
+    assert!(found.is_clean());
+    // Distances would differ by what rounding moves.
+    assert_eq!((&found.pairs, &found.own_pairs), (&reported.pairs, &reported.own_pairs));
+    assert_eq!(found.own_least_distances, reported.own_least_distances);
     again
 }
 
@@ -119,6 +123,20 @@ fn files_in_millimetres_are_proven_as_their_reader_gets_them() {
         let stored = again.files().nth(1).unwrap().mesh().aabb().size();
         assert!((stored.x - 2.0 * 300.0).abs() < 15.0, "{stored} mm");
     }
+}
+
+#[test]
+fn distances_of_primitives_are_those_of_files_in_millimetres() {
+    let scene = scene(1e-3);
+    let path = scene.0.path().join("band.ply");
+    let garment = ply(&path, &band(0.295, 40, 4), 1e-3, CoordinateType::Float);
+    let files = OutfitFiles::read(scene.1.clone(), vec![garment], 1e-3).unwrap();
+    let mut params = ResolveParams::default();
+    params.goal.least_distance = 1e-4;
+    let resolved = files.resolve(&params, &mut Silent).unwrap();
+    let again = read_again(&resolved, &scene.0, &scene.1, 1e-3).verify().unwrap();
+    assert!(again.own_primitive_distances[0].is_some());
+    assert_eq!(resolved.report.after.own_primitive_distances, again.own_primitive_distances);
 }
 
 #[test]
@@ -227,6 +245,23 @@ fn a_garment_from_memory_keeps_the_attributes_of_its_file_in_another_pose() {
     assert_eq!(again.mesh().vertices(), resolved.outfit.garments[0].mesh.vertices());
     let Content::Ply(again) = again.content() else { panic!("a PLY file") };
     assert!(again.vertex_property("label").is_some());
+}
+
+#[test]
+fn a_garment_from_memory_that_stays_is_written_where_it_is_and_not_where_its_file_has_it() {
+    let (folder, _) = scene(1.0);
+    let path = folder.path().join("elsewhere.ply");
+    // It is clean as it is worn; only the file has it lower.
+    let worn = band(0.32, 40, 4);
+    let lower = worn.vertices().iter().map(|p| p - Vector::y()).collect();
+    ply(&path, &worn.with_vertices(lower).unwrap(), 1.0, CoordinateType::Double);
+    let file = MeshFile::read(&path).unwrap();
+    let body = Layer::new("ball", icosphere(BALL, 4));
+    let outfit = Outfit::new(body, vec![Layer::new("band", worn.clone())]).unwrap();
+    let files = OutfitFiles::from_memory(outfit, vec![file]);
+    let resolved = files.resolve(&ResolveParams::default(), &mut Silent).unwrap();
+    let written = resolved.write(folder.path()).unwrap();
+    assert_eq!(MeshFile::read(&written[0]).unwrap().mesh().vertices(), worn.vertices());
 }
 
 #[test]

@@ -270,5 +270,8 @@ mod tests {
             }
         }
         assert!(seen > 20, "{seen}");
+        // On the way back the same pairs meet: those of the start, now, are left out as well.
+        let pairs = |found: &[Crossing]| found.iter().map(|c| c.triangles).collect::<Vec<_>>();
+        assert_eq!(pairs(&crossings.between(&to, &from).unwrap()), pairs(&found));
     }
 }

@@ -33,3 +33,29 @@ impl Tolerated {
         self.pinched.as_ref().is_some_and(|pinched| pinched[triangle as usize])
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn only_pairs_of_two_triangles_that_were_let_go_may_meet() {
+        // Of four triangles of a body and one of a garment.
+        let tolerated = Tolerated { let_go: vec![false, true, true, false], ..Default::default() };
+        let permitted =
+            [[0, 3], [0, 1], [1, 2], [2, 3], [2, 4]].map(|pair| tolerated.permits(pair));
+        assert_eq!(permitted, [false, false, true, false, false]);
+        assert_eq!(tolerated.left(&[[0, 1], [1, 2]]), [[0, 1]]);
+    }
+
+    #[test]
+    fn a_kept_body_meets_itself_anywhere_and_garments_in_its_pinches_alone() {
+        let pinched = Some(vec![false, true, false]);
+        let tolerated = Tolerated { pinched, own: vec![[3, 5]], ..Default::default() };
+        // Of the body, of body and garment, of garments, and one that garments had at rest.
+        let pairs = [[0, 2], [0, 3], [1, 3], [3, 4], [3, 5]];
+        let permitted = pairs.map(|pair| tolerated.permits(pair));
+        assert_eq!(permitted, [true, false, true, false, true]);
+        assert_eq!([0, 1, 2].map(|t| tolerated.is_pinched(t)), [false, true, false]);
+    }
+}

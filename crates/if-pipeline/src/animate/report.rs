@@ -217,3 +217,34 @@ impl AnimationReport {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn whatever_is_left_in_a_frame_is_not_clean_and_own_pairs_not_clean_everywhere() {
+        let state = |set: fn(&mut FrameReport)| {
+            let mut frame = FrameReport::default();
+            set(&mut frame);
+            (frame.is_clean(), frame.is_clean_everywhere())
+        };
+        assert_eq!(state(|_| ()), (true, true));
+        assert_eq!(state(|frame| frame.pairs = 1), (false, false));
+        assert_eq!(state(|frame| frame.inside = 1), (false, false));
+        assert_eq!(state(|frame| frame.new_own_pairs = 1), (false, false));
+        assert_eq!(state(|frame| frame.own_pairs = 1), (true, false));
+        assert_eq!(state(|frame| frame.body_own_pairs = 1), (true, false));
+        // A body that is kept has pinches, and what lies in them counts there alone.
+        let pinch = |pairs, inside| {
+            let mut frame = FrameReport::default();
+            let mut pinch = PinchReport::default();
+            (pinch.pairs, pinch.inside) = (pairs, inside);
+            frame.pinch = Some(pinch);
+            (frame.is_clean(), frame.is_clean_everywhere())
+        };
+        assert_eq!(pinch(0, 0), (true, true));
+        assert_eq!(pinch(1, 0), (true, false));
+        assert_eq!(pinch(0, 1), (true, false));
+    }
+}
