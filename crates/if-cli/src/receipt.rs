@@ -184,6 +184,22 @@ fn reread(value: &impl Serialize) -> Option<Value> {
 mod tests {
     use super::*;
 
+    /// Writes the receipt of an outfit that is clean everywhere.
+    fn write(folder: &Path, request: &Request, outputs: &[OutputFile]) {
+        let receipt = Receipt {
+            outfit: "o",
+            state: Cleanness::Everywhere,
+            request,
+            outputs,
+            notes: &[],
+            report: &ResolveReport::default(),
+            timings: &Timings::default(),
+            phases: None,
+            peak_memory: None,
+        };
+        std::fs::write(folder.join(FILE), receipt.text().unwrap()).unwrap();
+    }
+
     #[test]
     fn an_outfit_of_another_build_is_not_finished() {
         let out = tempfile::tempdir().unwrap();
@@ -193,18 +209,7 @@ mod tests {
             Request { tool, params: json!({}), scale: 1.0, inputs: vec![] }
         };
         let request = of_build(BUILD);
-        let receipt = Receipt {
-            outfit: "o",
-            state: Cleanness::Everywhere,
-            request: &request,
-            outputs: &[],
-            notes: &[],
-            report: &ResolveReport::default(),
-            timings: &Timings::default(),
-            phases: None,
-            peak_memory: None,
-        };
-        std::fs::write(out.path().join(FILE), receipt.text().unwrap()).unwrap();
+        write(out.path(), &request, &[]);
         assert_eq!(request.finished(out.path(), &[]), Some(Cleanness::Everywhere));
         assert_eq!(of_build("0.1.0+0").finished(out.path(), &[]), None);
     }
@@ -217,19 +222,11 @@ mod tests {
         let request = scaled(0.1);
         std::fs::write(out.path().join("shirt.ply"), "a shirt").unwrap();
         let content = digest(b"a shirt");
-        let outputs = [OutputFile { file: "shirt.ply".into(), content, unchanged: None }];
-        let receipt = Receipt {
-            outfit: "o",
-            state: Cleanness::Everywhere,
-            request: &request,
-            outputs: &outputs,
-            notes: &[],
-            report: &ResolveReport::default(),
-            timings: &Timings::default(),
-            phases: None,
-            peak_memory: None,
-        };
-        std::fs::write(out.path().join(FILE), receipt.text().unwrap()).unwrap();
+        write(
+            out.path(),
+            &request,
+            &[OutputFile { file: "shirt.ply".into(), content, unchanged: None }],
+        );
         let finished = |request: &Request, names: &[&str]| {
             let names: Vec<String> = names.iter().map(ToString::to_string).collect();
             request.finished(out.path(), &names).is_some()

@@ -26,14 +26,10 @@ const TRIANGLES: usize = 1500;
 /// all headings the one at which the most joints come to lie near their twins on `to`, once scaled.
 ///
 /// The least-squares similarity is turned by limbs in another pose, too.
-pub(super) fn of_trunk(
-    pairs: &[(Point, Point, Real)],
-    to: &TriMesh,
-    scale: Real,
-) -> Rotation3<Real> {
+pub(super) fn of_trunk(pairs: &[(Point, Point)], to: &TriMesh, scale: Real) -> Rotation3<Real> {
     let near = APART * to.aabb().size().y;
     let apart = |turn: &Rotation3<Real>| {
-        let ways = pairs.iter().map(|(p, q, _)| q.coords - turn * p.coords * scale);
+        let ways = pairs.iter().map(|(p, q)| q.coords - turn * p.coords * scale);
         sum_apart(&ways.collect::<Vec<_>>(), near)
     };
     let (turn, least) = nearest(&apart);
@@ -77,11 +73,8 @@ fn nearest(apart: &dyn Fn(&Rotation3<Real>) -> Real) -> (Rotation3<Real>, Real) 
     (about(heading), value)
 }
 
-/// How far apart two places count at a distance: 1 for all that is much farther than `near`.
-///
-/// # Source
-///
-/// Geman, McClure, *Statistical methods for tomographic image reconstruction*, 1987.
+/// How far apart two places count at a distance: 1 for all that is much farther than `near` [Geman and McClure
+/// 1985].
 fn share_apart(distance: Real, near: Real) -> Real {
     let square = (distance / near).powi(2);
     square / (1.0 + square)
@@ -112,7 +105,7 @@ mod tests {
         let heading = |moved: fn(&str, Point) -> Point| {
             let joints = skeleton.joints().iter();
             let pairs: Vec<_> =
-                joints.map(|j| (j.head, moved(&j.name, j.head) + Vector::x(), 1.0)).collect();
+                joints.map(|j| (j.head, moved(&j.name, j.head) + Vector::x())).collect();
             of_trunk(&pairs, &body, 1.0)
         };
         let strides = heading(|name, p| {

@@ -74,11 +74,11 @@ impl Similarity {
     }
 }
 
-/// Positions of the joints that have the same names on both bodies, with equal weights.
-fn same_joints(from: &BodyShape, to: &BodyShape) -> Vec<(Point, Point, Real)> {
+/// Positions of the joints that have the same names on both bodies.
+fn same_joints(from: &BodyShape, to: &BodyShape) -> Vec<(Point, Point)> {
     let (Some(a), Some(b)) = (from.skeleton, to.skeleton) else { return Vec::new() };
     let twin = |name: &str| b.joints().iter().find(|j| j.name == name);
-    a.joints().iter().filter_map(|j| Some((j.head, twin(&j.name)?.head, 1.0))).collect()
+    a.joints().iter().filter_map(|j| Some((j.head, twin(&j.name)?.head))).collect()
 }
 
 /// Length of a bone, as a share of the height of its body, from which on it says how a body stands: fingers and
@@ -103,16 +103,16 @@ pub(super) fn most_turned(
     a.joints().iter().filter_map(turned).max_by(|a, b| a.1.total_cmp(&b.1))
 }
 
-/// The least-squares similarity of pairs of points with weights.
-fn umeyama(pairs: &[(Point, Point, Real)]) -> Option<Similarity> {
+/// The least-squares similarity of pairs of points.
+fn umeyama(pairs: &[(Point, Point)]) -> Option<Similarity> {
     if pairs.len() < LEAST_JOINTS {
         return None;
     }
-    let n = pairs.iter().map(|p| p.2).sum::<Real>();
-    let from = Point::from(pairs.iter().map(|p| p.0.coords * p.2).sum::<Vector>() / n);
-    let to = Point::from(pairs.iter().map(|p| p.1.coords * p.2).sum::<Vector>() / n);
-    let spread = pairs.iter().map(|p| (p.0 - from).norm_squared() * p.2).sum::<Real>() / n;
-    let product = |p: &(Point, Point, Real)| (p.1 - to) * (p.0 - from).transpose() * p.2;
+    let n = pairs.len() as Real;
+    let from = Point::from(pairs.iter().map(|p| p.0.coords).sum::<Vector>() / n);
+    let to = Point::from(pairs.iter().map(|p| p.1.coords).sum::<Vector>() / n);
+    let spread = pairs.iter().map(|p| (p.0 - from).norm_squared()).sum::<Real>() / n;
+    let product = |p: &(Point, Point)| (p.1 - to) * (p.0 - from).transpose();
     let covariance: Matrix3<Real> = pairs.iter().map(product).sum::<Matrix3<Real>>() / n;
     let svd = covariance.svd(true, true);
     let (u, v) = (svd.u?, svd.v_t?);
@@ -180,12 +180,11 @@ mod tests {
         };
         let points =
             [[0.0, 0.0, 0.0], [1.0, 0.2, 0.0], [0.3, 1.0, -0.4], [0.2, -0.5, 0.9], [0.7, 0.7, 0.1]];
-        let pairs: Vec<(Point, Point, Real)> =
-            points.map(Point::from).iter().map(|p| (*p, truth.point(p), 1.0 + p.x)).collect();
+        let pairs = points.map(Point::from).map(|p| (p, truth.point(&p)));
         for n in [3, 5] {
             let fit = umeyama(&pairs[..n]).unwrap();
             approx::assert_relative_eq!(fit.scale, 1.3, max_relative = 1e-12);
-            for (p, q, _) in &pairs {
+            for (p, q) in &pairs {
                 approx::assert_relative_eq!(fit.point(p), *q, epsilon = 1e-12);
             }
         }
@@ -193,15 +192,15 @@ mod tests {
         for k in 0..50 {
             let turn = Rotation3::from_euler_angles(Real::from(k), 0.7 * Real::from(k), 0.3);
             let flat = points.map(|[x, y, _]| Point::new(x, y, 0.0));
-            let pairs: Vec<_> = flat.iter().map(|p| (*p, turn * p, 1.0)).collect();
+            let pairs: Vec<_> = flat.iter().map(|p| (*p, turn * p)).collect();
             let fit = umeyama(&pairs).unwrap();
             let above = Point::new(0.2, 0.3, 1.0);
             approx::assert_relative_eq!(fit.point(&above), turn * above, epsilon = 1e-9);
         }
         assert!(umeyama(&pairs[..2]).is_none());
-        let line: Vec<(Point, Point, Real)> =
-            (0..5).map(|k| Point::new(0.0, Real::from(k), 0.0)).map(|p| (p, p, 1.0)).collect();
+        let line: Vec<(Point, Point)> =
+            (0..5).map(|k| Point::new(0.0, Real::from(k), 0.0)).map(|p| (p, p)).collect();
         assert!(umeyama(&line).is_none());
-        assert!(umeyama(&[(Point::origin(), Point::origin(), 1.0); 5]).is_none());
+        assert!(umeyama(&[(Point::origin(), Point::origin()); 5]).is_none());
     }
 }
